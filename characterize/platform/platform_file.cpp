@@ -100,8 +100,15 @@ void check_fake_script(const YamlNode& script) {
   }
 }
 
+void refuse_gone(const YamlNode& node) {
+  for (const std::string& key : node.keys()) {
+    if (const std::string why = gone_setting(key); !why.empty()) node.at(key).fail(why);
+  }
+}
+
 /// Names and ranges are the backend's.
 void read_options(const YamlNode& node, UnitModel& unit) {
+  refuse_gone(node);
   const auto specs = options_of(unit.backend);
   std::vector<std::string> known;
   for (const OptionSpec& spec : specs) known.push_back(spec.name);
@@ -192,6 +199,7 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, Machine machi
   for (const std::string& backend : backend_names()) {
     for (const std::string& key : settings_of(backend)) known.push_back(key);
   }
+  refuse_gone(node);
   node.check_keys(known);
   UnitModel unit;
   unit.name = checked_name(node, name);

@@ -6,6 +6,7 @@
 #include <array>
 #include <filesystem>
 #include <fstream>
+#include <regex>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -95,7 +96,7 @@ TEST(SourceTree, RoomsIncludeThoseBeforeThem) {
        "workloads/backends/nats/wire",
        "workloads/backends/nats/link",
        "workloads/backends/nats/robot",
-       "workloads/backends/nats/worker",
+       "workloads/backends/nats/service",
        "workloads/backends/nats",
        "workloads/backends",
        "workloads/catalog"},
@@ -169,7 +170,7 @@ TEST(SourceTree, BackendHeadersStayInTheirFolder) {
         "cli/commands/measure/tune.cpp", "cli/options/files.cpp"}},
       {"sqlite3.h",
        {"characterize/profile/store/", "characterize/machine/environment.cpp",
-        "workloads/backends/nats/robot/", "workloads/inputs/recording/db3.cpp"}},
+        "workloads/inputs/recording/db3.cpp"}},
       {"openssl/", {"workloads/backends/nats/wire/digest.cpp"}},
       {"nats/", {"workloads/backends/nats/link/connection.cpp"}},
       {"workloads/backends/nats/",
@@ -210,6 +211,27 @@ TEST(SourceTree, CommandsWriteFilesInOnePlace) {
     }
   }
   EXPECT_GT(lines, 1000) << "the scan found too little to mean anything";
+}
+
+// An exception out of a thread ends the program, unless the thread was started by start_thread.
+TEST(SourceTree, ThreadsAreStartedInOnePlace) {
+  // std::jthread name(...), std::thread{...}, threads.emplace_back([...
+  const std::regex way(R"(std::j?thread\s*\w*\s*[({]|std::async|pthread_create|thrd_create|)"
+                       R"(emplace_back\(\[|std::thread\b(?!::))");
+  int lines = 0;
+  for (const auto layer : kLayers) {
+    for (const auto& entry : fs::recursive_directory_iterator(fs::path(kSourceFolder) / layer)) {
+      const auto file = fs::relative(entry.path(), kSourceFolder).string();
+      if (!entry.is_regular_file() || file == "workloads/base/system/thread.h") continue;
+      if (entry.path().extension() != ".h" && entry.path().extension() != ".cpp") continue;
+      std::ifstream in(entry.path());
+      for (std::string line; std::getline(in, line); ++lines) {
+        const std::string code = line.substr(0, line.find("//"));
+        EXPECT_FALSE(std::regex_search(code, way)) << file << ": " << line;
+      }
+    }
+  }
+  EXPECT_GT(lines, 10'000) << "the scan found too little to mean anything";
 }
 
 TEST(SourceTree, TopLevelHoldsOnlyWhatIsMandated) {

@@ -31,4 +31,6 @@ std::vector<std::string> settings_of(std::string_view backend) {
   return {};
 }
 
+std::string gone_setting(std::string_view key) { return nats_gone(key); }
+
 }  // namespace pirt

@@ -19,5 +19,7 @@ namespace pirt {
 /// Keys of a unit whose values are texts for its backend, which gets a map of them as its request's
 /// script. They say where it is, and change no figures by themselves.
 [[nodiscard]] std::vector<std::string> settings_of(std::string_view backend);
+/// Why a setting or an option that there was is there no more; empty for others.
+[[nodiscard]] std::string gone_setting(std::string_view key);
 
 }  // namespace pirt

@@ -8,12 +8,13 @@
 #include "characterize/machine/build_info.h"
 #include "cli/commands.h"
 #include "cli/long_run.h"
+#include "cli/options/duration.h"
 #include "cli/options/files.h"
 #include "cli/options/models.h"
 #include "cli/options/output.h"
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
-#include "workloads/backends/nats/worker/cloud_service.h"
+#include "workloads/backends/nats/service/cloud_service.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
@@ -28,7 +29,8 @@ struct CloudFlags {
   std::string name;
   std::string unit = "cpu";
   int slots = 1;
-  std::int64_t cache_mb = 512;
+  std::int64_t cache_mb = 512, robot_mb = 512;
+  std::string call_limit = "60s";
   ModelFlags model, classifier;
   std::vector<std::string> robots = {"robot"};
 };
@@ -58,9 +60,9 @@ void add_computing(Command& command, CloudFlags& options) {
            "What computes: a backend of `pirt list backends`")
       .offers(offer_backends())
       .shows_default();
-  add_value(command, "--cache-mb", &options.cache_mb, "NUMBER",
-            not_within<std::int64_t>(1, 1'000'000),
-            "Of parameters, and of a slot's kernels, each, in MB")
+  add_value(
+      command, "--cache-mb", &options.cache_mb, "NUMBER", not_within<std::int64_t>(1, 1'000'000),
+      "What a slot keeps of parameters and kernels, and what a call's tensors may have, in MB")
       .shows_default();
   add_model(command, options.model, "",
             "a detector, to describe the scenes of robots that have the same models");
@@ -114,25 +116,27 @@ std::vector<std::string> slot_arguments(const CloudFlags& options) {
 /// A process of a worker's: what it computes may crash.
 int work_in_slot(const CloudFlags& options) {
   const Backend& backend = find_backend(options.unit);
-  const auto kept = static_cast<std::uint64_t>(options.cache_mb) << 20;
+  const auto bytes = static_cast<std::uint64_t>(options.cache_mb) << 20;
   const auto computer = cloud::computer_on(
-      backend, {.unit = options.unit, .cores = {}, .device = {}, .script = {}}, kept);
+      backend, {.unit = options.unit, .cores = {}, .device = {}, .script = {}}, {.bytes = bytes});
   const auto own = description(options);
-  return cloud::serve_slot(*computer, known_on(backend, own), kept) ? 0 : kExitEnvironment;
+  return cloud::serve_slot(*computer, known_on(backend, own), bytes) ? 0 : kExitEnvironment;
 }
 
 int work(const CloudFlags& options) {
   const Backend& backend = find_backend(options.unit);
   if (const Probe probe = backend.probe(); !probe.available) throw_environment(probe.reason);
-  cloud::WorkerOptions worker{.connection = options.connection,
-                              .name = options.name.empty() ? default_name() : options.name,
-                              .version = std::string(build_info().version),
-                              .limits = {.slots = options.slots},
-                              .cache_bytes = static_cast<std::uint64_t>(options.cache_mb) << 20,
-                              .make_computer = [&options] {
-                                return cloud::computer_in("/proc/self/exe",
-                                                          slot_arguments(options));
-                              }};
+  cloud::WorkerOptions worker{
+      .connection = options.connection,
+      .name = options.name.empty() ? default_name() : options.name,
+      .version = std::string(build_info().version),
+      .limits = {.slots = options.slots},
+      .call_bytes = static_cast<std::uint64_t>(options.cache_mb) << 20,
+      .make_computer = [&options] {
+        return cloud::computer_in({.program = "/proc/self/exe",
+                                   .arguments = slot_arguments(options),
+                                   .call_limit = parse_duration(options.call_limit)});
+      }};
   const auto own = description(options);
   const auto known = known_on(backend, own);
   // Whether they are models that can be run shows now, and not at the first task.
@@ -145,7 +149,9 @@ int work(const CloudFlags& options) {
 }
 
 int administer(const CloudFlags& options) {
-  const auto done = cloud::administer(options.connection, {.robots = options.robots});
+  const auto done = cloud::administer(
+      options.connection, {.robots = options.robots,
+                           .robot_bytes = static_cast<std::uint64_t>(options.robot_mb) << 20});
   for (const std::string& line : done) emit_text(line + "\n", {});
   if (done.empty()) emit_text("all is there\n", {});
   return 0;
@@ -159,12 +165,15 @@ void add_cloud_worker(CLI::App& app, Action& action) {
   add_connection(command, options->connection);
   add_computing(command, *options);
   add_value(command, "--slots", &options->slots, "NUMBER", not_within(1, 256),
-            "Tasks at a time; the others stay in the stream")
+            "Tasks at a time; the others stay with their robots")
+      .shows_default();
+  add_value(command, "--call-limit", &options->call_limit, "DURATION", no_duration,
+            "How long a call may take; then its process is killed, and the call has failed a try")
       .shows_default();
   add_text(command, "--name", &options->name, "NAME",
            "Of this worker; default: the machine's and the process's");
   command.footer(
-      "Ends on Ctrl-C: what it computes is finished, the rest goes back to the stream.\n"
+      "Ends on Ctrl-C: what it computes is finished, or given back to its robot after 5 s.\n"
       "Example: pirt cloud-worker --server nats://127.0.0.1:4222 --slots 2");
   command.runs(action, [options] { return work(*options); });
 }
@@ -183,11 +192,16 @@ void add_cloud_admin(CLI::App& app, Action& action) {
   Command command(app, "cloud-admin",
                   "Make a NATS server ready for workers and robots, or say what each may do there");
   add_choice(command, "what", what.get(), "WHAT", {"setup", "permissions"},
-             "setup: makes streams and consumers that are missing; permissions: writes the "
+             "setup: makes the robots' streams that are missing; permissions: writes the "
              "`authorization` part of the server's configuration")
       .required();
   add_connection(command, options->connection);
   add_list_of(command, "--robots", options->robots, "NAME,...", "The robots that there are")
+      .shows_default();
+  add_value(command, "--robot-mb", &options->robot_mb, "NUMBER",
+            not_within<std::int64_t>(1, 1'000'000),
+            "What each robot may have on the server of calls and parameters that are larger than a "
+            "message, in MB")
       .shows_default();
   command.footer(
       "Example: pirt cloud-admin permissions --robots r1,r2 > permissions.conf\n"

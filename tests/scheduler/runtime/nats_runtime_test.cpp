@@ -6,7 +6,7 @@
 #include "scheduler/runtime/runtime.h"
 #include "tests/scheduler/support.h"
 #include "tests/workloads/backends/nats/nats_server.h"
-#include "workloads/backends/nats/worker/device_computer.h"
+#include "workloads/backends/nats/service/device_computer.h"
 #include "workloads/backends/registry.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"
@@ -68,7 +68,8 @@ class RuntimeElsewhereLater : public testing::Test {
     options.hello = 100ms;
     options.make_computer = [] {
       return cloud::make_device_computer(
-          find_backend("cpu"), {.unit = "cpu", .cores = {}, .device = {}, .script = {}}, 1 << 20);
+          find_backend("cpu"), {.unit = "cpu", .cores = {}, .device = {}, .script = {}},
+          {.bytes = 1 << 20});
     };
     known_.push_back(&workload);
     workers_.push_back(std::make_unique<cloud::WorkerLink>(options, std::span(&known_.back(), 1)));

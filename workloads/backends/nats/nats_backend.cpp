@@ -3,16 +3,18 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <cmath>
+#include <charconv>
 #include <condition_variable>
 #include <map>
 #include <mutex>
 #include <string>
 #include <utility>
 
+#include "workloads/backends/nats/link/blobs.h"
 #include "workloads/backends/nats/nats_settings.h"
 #include "workloads/backends/nats/robot/robot_link.h"
-#include "workloads/backends/nats/wire/own_sizes.h"
+#include "workloads/backends/nats/wire/kind.h"
+#include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/yaml.h"
 #include "workloads/model/remote.h"
@@ -36,16 +38,26 @@ struct Flight {
   std::mutex mutex;
   std::condition_variable changed;
   bool unwanted = false;  ///< Nobody waits for its end.
-  bool stored = false, arrived = false;
-  bool large = false;  ///< Its outputs have to be read after that.
-  Nanos execute{0};
+  bool taken = false, missing = false;
   std::optional<cloud::TaskEnd> end;
+
+  template <typename Change>
+  void tell(Change change) {
+    const std::lock_guard lock(mutex);
+    change(*this);
+    changed.notify_all();
+  }
 };
 
 /// Parameters that kernels have, once each: those of the same content share their bytes.
 class SharedParameters {
  public:
-  cloud::Parameters of(std::span<const Tensor> tensors, std::uint32_t chunk_bytes) {
+  struct Shared {
+    std::shared_ptr<const cloud::Bytes> bytes;
+    cloud::Digest digest;
+  };
+  Shared of(std::span<const Tensor> tensors) {
+    if (tensors.empty()) return {};
     auto bytes = std::make_shared<const cloud::Bytes>(cloud::encode_tensors(tensors));
     const cloud::Digest digest = cloud::digest_of(*bytes);
     const std::lock_guard lock(mutex_);
@@ -56,7 +68,7 @@ class SharedParameters {
     } else {
       known = bytes;
     }
-    return {.blob = {digest, bytes->size(), chunk_bytes}, .bytes = std::move(bytes)};
+    return {std::move(bytes), digest};
   }
 
  private:
@@ -66,14 +78,17 @@ class SharedParameters {
 
 class CloudKernel : public Kernel {
  public:
-  CloudKernel(cloud::RobotLink& link, const Workload& workload,
-              std::optional<cloud::Parameters> parameters, Nanos patience)
-      : link_(link), workload_(workload), patience_(patience), parameters_(std::move(parameters)) {
+  CloudKernel(cloud::RobotLink& link, const Workload& workload, SharedParameters::Shared parameters,
+              Nanos patience)
+      : link_(link),
+        workload_(workload),
+        patience_(patience),
+        parameters_(std::move(parameters)),
+        most_bytes_(cloud::encoded_bytes(workload.outputs)) {
     cloud::Kind kind = cloud::kind_of(workload);
-    body_.workload = std::move(kind.name);
-    body_.sizes = std::move(kind.sizes);
-    body_.spec = cloud::spec_digest(workload);
-    if (parameters_) body_.parameters = parameters_->blob;
+    message_.workload = std::move(kind.name);
+    message_.sizes = std::move(kind.sizes);
+    message_.spec = cloud::spec_digest(workload);
   }
   ~CloudKernel() override { withdraw(); }
 
@@ -81,10 +96,7 @@ class CloudKernel : public Kernel {
   void give_up() {
     const std::lock_guard lock(mutex_);
     unwanted_ = true;
-    if (flight_ == nullptr) return;
-    const std::lock_guard flight_lock(flight_->mutex);
-    flight_->unwanted = true;
-    flight_->changed.notify_all();
+    if (flight_ != nullptr) flight_->tell([](Flight& flight) { flight.unwanted = true; });
   }
 
   /// Of the call that is bound.
@@ -106,15 +118,12 @@ class CloudKernel : public Kernel {
     outputs_ = {};
   }
 
-  /// Until the server has the task.
+  /// Until a worker has the task.
   void upload() override {
     withdraw();
-    const cloud::Bytes tensors = cloud::encode_tensors(inputs_);
-    body_.tensors = tensors;
-    bytes_ = std::make_shared<const cloud::Bytes>(encode(body_));
-    body_.tensors = {};
+    sent_ = cloud::encode_tensors(inputs_);
     submit();
-    wait([](const Flight& flight) { return flight.stored || flight.arrived; });
+    wait([](const Flight& flight) { return flight.taken; });
   }
 
   /// Until the reply comes; what the worker did not compute is the queue.
@@ -123,52 +132,92 @@ class CloudKernel : public Kernel {
     for (int i = 0; i < repeats; ++i) {
       if (flight_ == nullptr) submit();
       const Nanos begin = clock_.now();
-      wait([](const Flight& flight) { return flight.arrived && flight.large; });
-      const Nanos waited = clock_.now() - begin;
-      queue += std::max(Nanos::zero(), waited - flight_->execute);
-      if (!flight_->large || i + 1 < repeats) finish();
+      wait([](const Flight&) { return false; });
+      last_ = *std::move(flight_->end);
+      queue += std::max(Nanos::zero(), clock_.now() - begin - last_.execute);
+      forget_flight();
+      if (i + 1 < repeats) remove_blobs();
     }
     return queue;
   }
 
   /// Reads what did not come with the reply.
   void download() override {
-    if (flight_ != nullptr) finish();
-    const std::string problem = cloud::decode_tensors_into(last_.outputs, outputs_);
-    if (!problem.empty()) {
+    const auto* const blob = std::get_if<cloud::Blob>(&last_.outputs);
+    const auto refuse = [&](const std::string& why) {
       throw_environment(fmt::format("worker {} replied to {} with something else: {}", last_.worker,
-                                    workload_.name, problem));
+                                    workload_.name, why));
+    };
+    if (blob != nullptr) {
+      if (blob->size_bytes > most_bytes_) refuse(fmt::format("{} bytes", blob->size_bytes));
+      auto fetched =
+          cloud::fetch_blob(link_.connection(), link_.robot(),
+                            blob_at("out", fmt::format("{}-{}", task_.hex(), last_.send)), *blob,
+                            [this] { return is_unwanted(); });
+      if (fetched.how != cloud::Fetched::How::kWhole) refuse("its outputs are not on the server");
+      remove_blobs();
+      last_.outputs = std::move(fetched.bytes);
     }
+    const std::string problem =
+        cloud::decode_tensors_into(std::get<cloud::Bytes>(last_.outputs), outputs_);
+    if (!problem.empty()) refuse(problem);
   }
 
  private:
+  [[nodiscard]] std::string blob_at(std::string_view what, const std::string& name) const {
+    return cloud::blob_subject(link_.robot(), what, name);
+  }
+  [[nodiscard]] bool is_unwanted() {
+    const std::lock_guard lock(mutex_);
+    return unwanted_;
+  }
+
+  /// What is larger than a message first: who finds the task finds all of it.
   void submit() {
+    task_ = link_.next_task();
+    const auto chunk = link_.connection().chunk_bytes();
+    const std::uint64_t weights = parameters_.bytes == nullptr ? 0 : parameters_.bytes->size();
+    is_large_ = sent_.size() > chunk;
+    const std::string problem =
+        link_.why_too_large(workload_.name, weights + (is_large_ ? sent_.size() : 0));
+    if (!problem.empty()) throw_environment(problem);
+    if (weights > 0) message_.parameters = cloud::Blob{parameters_.digest, weights, chunk};
+    if (is_large_) {
+      message_.inputs = cloud::Blob{cloud::digest_of(sent_), sent_.size(), chunk};
+      put("in", task_.hex(), sent_);
+    } else {
+      message_.inputs = sent_;
+    }
+    const auto flight = std::make_shared<Flight>();
     {
       const std::lock_guard lock(mutex_);
-      flight_ = std::make_shared<Flight>();
-      flight_->unwanted = unwanted_;
+      flight_ = flight;
+      flight->unwanted = unwanted_;
     }
-    cloud::Submission submission{.body = bytes_, .parameters = parameters_};
-    if (expires_at_) submission.time_left = *expires_at_ - clock_.now();
-    submission.stored = [flight = flight_] {
-      const std::lock_guard lock(flight->mutex);
-      flight->stored = true;
-      flight->changed.notify_all();
+    cloud::Submission call{.task = message_};
+    if (expires_at_) call.time_left = std::max(*expires_at_ - clock_.now(), Nanos::zero());
+    call.taken = [flight] { flight->tell([](Flight& of) { of.taken = true; }); };
+    call.missing = [flight] { flight->tell([](Flight& of) { of.missing = true; }); };
+    call.ended = [flight](cloud::TaskEnd end) {
+      flight->tell([&](Flight& of) { of.end = std::move(end); });
     };
-    submission.arrived = [flight = flight_](const cloud::ReplyMessage& reply) {
-      if (reply.kind != cloud::ReplyKind::kDone) return;
-      const std::lock_guard lock(flight->mutex);
-      flight->arrived = true;
-      flight->execute = reply.execute;
-      flight->large = std::holds_alternative<cloud::Blob>(reply.outputs);
-      flight->changed.notify_all();
-    };
-    submission.ended = [flight = flight_](cloud::TaskEnd end) {
-      const std::lock_guard lock(flight->mutex);
-      flight->end = std::move(end);
-      flight->changed.notify_all();
-    };
-    task_ = link_.submit(std::move(submission));
+    link_.submit(task_, std::move(call));
+  }
+
+  void put(std::string_view what, const std::string& name, cloud::ByteView bytes) {
+    const Nanos begin = clock_.now();
+    const std::string problem =
+        cloud::put_blob(link_.connection(), blob_at(what, name), bytes,
+                        link_.connection().chunk_bytes(), [this] { return is_unwanted(); });
+    if (!problem.empty()) throw_environment(workload_.name + " was not sent: " + problem);
+    link_.measure(clock_.now() - begin, bytes.size());
+  }
+
+  /// A worker did not find them: it is the first, or they were there too long ago.
+  void put_what_is_missing() {
+    if (parameters_.bytes != nullptr) put("par", parameters_.digest.hex(), *parameters_.bytes);
+    if (is_large_) put("in", task_.hex(), sent_);
+    link_.ready(task_);
   }
 
   /// @throws Error{kEnvironment} once the task has ended without a result, or neither server nor
@@ -176,42 +225,52 @@ class CloudKernel : public Kernel {
   template <typename Until>
   void wait(Until until) {
     Nanos lost{0};
+    const auto end = [this](const std::string& why) {
+      withdraw();
+      throw_environment(workload_.name + why);
+    };
     std::unique_lock lock(flight_->mutex);
     while (!until(*flight_) && !flight_->end) {
-      if (flight_->unwanted) {
-        lock.unlock();
-        withdraw();
-        throw_environment(workload_.name + " was withdrawn");
-      }
-      if (flight_->changed.wait_for(lock, kLook) == std::cv_status::no_timeout) continue;
-      if (link_.availability() != cloud::Availability::kDown) {
-        lost = Nanos::zero();
+      const bool unwanted = flight_->unwanted, missing = std::exchange(flight_->missing, false);
+      if (!unwanted && !missing &&
+          flight_->changed.wait_for(lock, kLook) == std::cv_status::no_timeout) {
         continue;
       }
-      if (lost == Nanos::zero()) lost = clock_.now();
-      if (clock_.now() - lost < patience_) continue;
       lock.unlock();
-      const std::string why = link_.why_down();
-      withdraw();
-      throw_environment(workload_.name + " was not answered: " + why);
+      if (unwanted) end(" was withdrawn");
+      if (missing) put_what_is_missing();
+      if (link_.is_up()) {
+        lost = Nanos::zero();
+      } else if (lost == Nanos::zero()) {
+        lost = clock_.now();
+      } else if (clock_.now() - lost >= patience_) {
+        end(" was not answered: " + link_.why_down());
+      }
+      lock.lock();
     }
     if (!flight_->end || flight_->end->how == cloud::CallEndKind::kDone) return;
     const std::string problem = flight_->end->problem;
     lock.unlock();
     forget_flight();
+    remove_blobs();
     throw_environment(problem);
   }
 
-  void finish() {
-    wait([](const Flight&) { return false; });
-    last_ = *std::move(flight_->end);
+  void withdraw() {
+    if (flight_ != nullptr) link_.cancel(task_);
     forget_flight();
+    remove_blobs();
   }
 
-  void withdraw() {
-    if (flight_ == nullptr) return;
-    link_.cancel(task_);
-    forget_flight();
+  void remove_blobs() {
+    const auto remove = [this](std::string_view what, const std::string& name) {
+      cloud::remove_blob(link_.connection(), link_.robot(), blob_at(what, name));
+    };
+    if (std::exchange(is_large_, false)) remove("in", task_.hex());
+    if (std::holds_alternative<cloud::Blob>(last_.outputs)) {
+      remove("out", fmt::format("{}-{}", task_.hex(), last_.send));
+      last_.outputs = cloud::Bytes{};
+    }
   }
 
   void forget_flight() {
@@ -223,12 +282,14 @@ class CloudKernel : public Kernel {
   const Workload& workload_;
   Nanos patience_;
   MachineClock clock_;
-  cloud::TaskBody body_;
-  std::optional<cloud::Parameters> parameters_;
+  SharedParameters::Shared parameters_;
+  std::uint64_t most_bytes_;  ///< Of outputs.
+  cloud::TaskMessage message_;
   std::span<const Tensor> inputs_;
   std::span<Tensor> outputs_;
   std::optional<Nanos> expires_at_;
-  std::shared_ptr<const cloud::Bytes> bytes_;
+  cloud::Bytes sent_;
+  bool is_large_ = false;  ///< What was sent lies on the stream.
   cloud::TaskId task_;
   cloud::TaskEnd last_;
   std::mutex mutex_;                ///< Of what other threads look at: they read flight_ alone.
@@ -238,7 +299,7 @@ class CloudKernel : public Kernel {
 
 DeviceInfo device_info(const std::string& server) {
   return {.name = "workers at " + server,
-          .platform = "NATS JetStream",
+          .platform = "NATS",
           .version = "protocol " + std::to_string(cloud::kProtocol)};
 }
 
@@ -247,12 +308,25 @@ struct CloudUnit {
   Nanos patience{0};
 };
 
+/// "p95", or "20ms".
+void read_hedge(const YamlNode& node, cloud::CallerLimits& limits) {
+  const std::string text = node.text();
+  double ms = 0;
+  const char* const end = text.data() + text.size() - std::min<std::size_t>(2, text.size());
+  const auto read = std::from_chars(text.data(), end, ms);
+  if (text == "p95") {
+    limits.hedge_p95 = true;
+  } else if (text.ends_with("ms") && read.ec == std::errc() && read.ptr == end && ms > 0 &&
+             ms < 1e7) {
+    limits.hedge_after = from_ms(ms);
+  } else {
+    node.fail("a second worker is asked after p95, or after a time such as 20ms");
+  }
+}
+
 CloudUnit read_request(const UnitRequest& request) {
   CloudUnit unit;
-  const auto specs = nats_options();
-  unit.options.outbox_bytes =
-      static_cast<std::uint64_t>(std::llround(1e6 * request.option(specs[0])));
-  unit.patience = from_s(request.option(specs[1]));
+  unit.patience = from_s(request.option(nats_options()[0]));
   if (request.script.empty()) return unit;
   const YamlNode settings = parse_yaml("unit " + request.unit, request.script);
   settings.check_keys(nats_settings());
@@ -268,9 +342,7 @@ CloudUnit read_request(const UnitRequest& request) {
   text("nkey", connection.nkey);
   text("nkey_seed", connection.nkey_seed);
   if (settings.has("insecure")) connection.insecure = settings.at("insecure").boolean();
-  std::string outbox;
-  text("outbox", outbox);
-  unit.options.outbox = outbox;
+  if (settings.has("hedge")) read_hedge(settings.at("hedge"), unit.options.limits);
   return unit;
 }
 
@@ -289,9 +361,7 @@ class CloudDevice : public Device, public Remote {
     info.remark = link_.why_down();
     return info;
   }
-  [[nodiscard]] bool is_reachable() const override {
-    return link_.availability() == cloud::Availability::kUp;
-  }
+  [[nodiscard]] bool is_reachable() const override { return link_.is_up(); }
   [[nodiscard]] LinkEstimate link() const override { return link_.estimate(); }
   [[nodiscard]] std::uint64_t heard() const override { return link_.heard(); }
   [[nodiscard]] Nanos patience() const override { return patience_; }
@@ -310,10 +380,7 @@ class CloudDevice : public Device, public Remote {
   [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload& workload,
                                                     std::span<const Tensor> parameters) override {
     if (!link_.wait_until_up(std::min(kOpening, patience_))) throw_environment(link_.why_down());
-    constexpr std::uint32_t kChunk = 256 << 10;  // a part of any server's limit
-    std::optional<cloud::Parameters> given;
-    if (!parameters.empty()) given = parameters_.of(parameters, kChunk);
-    return std::make_unique<CloudKernel>(link_, workload, std::move(given), patience_);
+    return std::make_unique<CloudKernel>(link_, workload, parameters_.of(parameters), patience_);
   }
 
   std::string server_;
@@ -326,7 +393,7 @@ class NatsBackend : public Backend {
  public:
   [[nodiscard]] std::string_view name() const override { return "nats"; }
   [[nodiscard]] std::string_view description() const override {
-    return "the cloud: workers elsewhere (pirt cloud-worker), over NATS JetStream";
+    return "the cloud: workers elsewhere (pirt cloud-worker), over NATS";
   }
   [[nodiscard]] std::vector<Phase> phases() const override {
     return {kAllPhases.begin(), kAllPhases.end()};

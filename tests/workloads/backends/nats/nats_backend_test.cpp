@@ -46,7 +46,8 @@ TEST(CloudUnit, NamesTheSettingThatIsWrong) {
   EXPECT_THAT(opening("server: nats://10.1.2.3:4222"), HasSubstr("without TLS"));
   EXPECT_THAT(opening("robot: a.b"), HasSubstr("robot 'a.b' cannot be called that"));
   EXPECT_THAT(opening("serve: x"), HasSubstr("serve"));
-  EXPECT_THAT(opening("outbox: /nowhere/outbox.db"), HasSubstr("/nowhere/outbox.db"));
+  EXPECT_THAT(opening("hedge: soon"), HasSubstr("after p95, or after a time such as 20ms"));
+  EXPECT_THAT(opening("hedge: -1ms"), HasSubstr("after p95"));
 }
 
 class CloudUnitOnAServer : public ::testing::Test {
@@ -58,7 +59,7 @@ class CloudUnitOnAServer : public ::testing::Test {
     ASSERT_TRUE(server_.start()) << server_.log();
     Connection admin({.server = server_.url()}, {});
     ASSERT_TRUE(admin.wait_until_up(kLong));
-    set_up(admin, {.robots = {"robot"}, .redelivered = 1s});
+    set_up(admin, {.robots = {"robot"}});
   }
   void start_worker() {
     WorkerOptions options;
@@ -75,11 +76,7 @@ class CloudUnitOnAServer : public ::testing::Test {
     return device;
   }
   std::unique_ptr<Device> open(double patience_s = 30) {
-    return make_nats_backend()->open({.unit = "cloud",
-                                      .cores = {},
-                                      .device = {},
-                                      .script = "server: " + server_.url(),
-                                      .options = {{"patience_s", patience_s}}});
+    return open_unit(server_.url(), "", patience_s);
   }
   /// Inputs and outputs of a call.
   struct Bound {
@@ -142,7 +139,7 @@ TEST_F(CloudUnitOnAServer, IsWithinReachOnceServerAndWorkerAre) {
   EXPECT_FALSE(remote->is_reachable());
   EXPECT_THAT(device->info().remark, HasSubstr("no connection to server " + server_.url()));
   EXPECT_THAT(error_of([&] { static_cast<void>(device->prepare(small_, {})); }),
-              HasSubstr("start one (nats-server -js)"));
+              HasSubstr("start one (nats-server -js), or name another"));
   start_server();
   const std::string remedy = "start one (pirt cloud-worker --server";
   EXPECT_TRUE(eventually([&] { return device->info().remark.find(remedy) != std::string::npos; }))

@@ -4,11 +4,11 @@
 #include <sys/wait.h>
 
 #include <random>
-#include <sstream>
+#include <thread>
 
 #include "tests/support/long.h"
 #include "tests/workloads/backends/nats/nats_server.h"
-#include "workloads/backends/nats/wire/subjects.h"
+#include "workloads/base/time.h"
 
 namespace pirt::cloud::test {
 namespace {
@@ -18,7 +18,6 @@ constexpr Nanos kLong = 30s;
 
 struct Expected {
   AddingTask task;
-  bool large = false;
   int ends = 0;
   TaskEnd end;
 };
@@ -32,7 +31,7 @@ class Faults {
     {
       Connection admin({.server = server_.url()}, {});
       ASSERT_TRUE(admin.wait_until_up(kLong));
-      set_up(admin, {.robots = {"robot"}, .redelivered = 1s});
+      set_up(admin, {.robots = {"robot", "other"}});
     }
     robot_wire_ = std::make_unique<Wire>(server_.port());
     worker_wire_ = std::make_unique<Wire>(server_.port());
@@ -40,23 +39,22 @@ class Faults {
     RobotOptions options;
     options.connection.server = robot_wire_->url();
     options.connection.reconnect_wait = 50ms;
-    options.outbox = server_.folder() / "outbox.db";
     options.limits.confirm = 1s;
     options.limits.silence = 3s;
     options.limits.worker = 2s;
-    {
-      RobotLink robot(options);
-      ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
-      for (int i = 0; i < faults; ++i) {
-        for (int task = 0; task < 3; ++task) submit(robot);
-        std::this_thread::sleep_for(pause(200));
-        fault();
-      }
-      wait_for_all(robot);
-      EXPECT_EQ(robot.counts().submitted, static_cast<std::int64_t>(expected_.size()));
-      sent_again_ = robot.counts().sent_again;
+    RobotLink robot(options);
+    ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+    std::atomic<bool> over = false;
+    std::jthread large([&] { call_large(over); });
+    for (int i = 0; i < faults; ++i) {
+      for (int task = 0; task < 3; ++task) submit(robot);
+      std::this_thread::sleep_for(pause(200));
+      fault();
     }
-    EXPECT_TRUE(open_outbox(options.outbox, "robot", options.outbox_bytes)->all().empty());
+    over = true;
+    wait_for_all(robot);
+    large.join();
+    EXPECT_EQ(robot.counts().submitted, static_cast<std::int64_t>(expected_.size()));
     check();
     for (pid_t& each : workers_) end(each);
   }
@@ -71,20 +69,34 @@ class Faults {
 
   void submit(RobotLink& robot) {
     auto expected = std::make_shared<Expected>();
-    expected->large = random_() % 8 == 0;
     expected->task = {.ask = random_() % 8 == 0 ? Ask::kThrow : Ask::kPlain,
                       .tens_of_ms = static_cast<std::uint8_t>(random_() % 15),
                       .value = static_cast<std::uint8_t>(random_())};
-    Submission submission = make_submission(expected->large ? large_ : small_, expected->task);
-    body_ = submission.body;
+    Submission submission = make_submission(small_, expected->task);
     submission.ended = [this, expected](TaskEnd end) {
       const std::lock_guard lock(mutex_);
       ++expected->ends;
       expected->end = std::move(end);
     };
-    last_ = robot.submit(std::move(submission));
-    last_is_large_ = expected->large;
+    robot.submit(robot.next_task(), std::move(submission));
     expected_.push_back(std::move(expected));
+  }
+
+  /// What is larger than a message, by another robot, one after the other.
+  void call_large(const std::atomic<bool>& over) {
+    const auto device = open_unit(robot_wire_->url(), "robot: other");
+    std::unique_ptr<Kernel> kernel;
+    for (std::uint8_t value = 1; !over; ++value) {
+      try {
+        if (kernel == nullptr) kernel = device->prepare(large_, {});
+      } catch (const std::exception&) {
+        continue;  // Out of reach just now.
+      }
+      const std::string problem = call_and_check(*kernel, large_, {.value = value});
+      // Its outputs were read while the server was gone, and lie in its memory no more.
+      if (problem.find("not on the server") != std::string::npos) continue;
+      EXPECT_EQ(problem, "");
+    }
   }
 
   void fault() {
@@ -115,7 +127,7 @@ class Faults {
         break;
       }
       default:
-        publish_again();
+        std::this_thread::sleep_for(pause(300));
     }
   }
 
@@ -123,15 +135,6 @@ class Faults {
     wire.cut(true);
     std::this_thread::sleep_for(pause(300));
     wire.cut(false);
-  }
-
-  /// The last task once more, past the server's window.
-  void publish_again() {
-    if (last_is_large_) return;
-    Connection other({.server = server_.url()}, {});
-    if (!other.wait_until_up(kLong)) return;
-    const Bytes frame = encode(TaskMessage{.task = last_, .send = 1, .body = *body_});
-    static_cast<void>(other.request(task_subject("robot"), frame, 5s));
   }
 
   void wait_for_all(RobotLink& robot) {
@@ -151,8 +154,10 @@ class Faults {
         EXPECT_EQ(each->end.how, CallEndKind::kGivenUp) << each->end.problem;
         continue;
       }
+      // Three workers that die with a task are its three tries.
+      if (each->end.problem.find("a worker that was not heard") != std::string::npos) continue;
       ASSERT_EQ(each->end.how, CallEndKind::kDone) << each->end.problem;
-      EXPECT_EQ(check_outputs(each->large ? large_ : small_, each->task, each->end.outputs), "");
+      EXPECT_EQ(check_outputs(small_, each->task, each->end.outputs), "");
     }
   }
 
@@ -163,10 +168,6 @@ class Faults {
   std::vector<pid_t> workers_ = {-1, -1};
   std::mutex mutex_;  ///< Of what has ended.
   std::vector<std::shared_ptr<Expected>> expected_;
-  TaskId last_;
-  bool last_is_large_ = false;
-  std::shared_ptr<const Bytes> body_;
-  std::int64_t sent_again_ = 0;
 };
 
 /// Twenty faults a seed: ten seeds in the long tests.

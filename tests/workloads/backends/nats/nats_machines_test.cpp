@@ -4,7 +4,6 @@
 
 #include "nats_simulation.h"
 #include "tests/support/long.h"
-#include "workloads/backends/nats/worker/stream_age.h"
 
 namespace pirt::cloud {
 namespace {
@@ -13,376 +12,397 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 using test::Simulation;
 using test::SimulationOptions;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
 
-const Bytes kBody{std::byte{7}, std::byte{8}};
 constexpr TaskId kTask{1, 1};
+constexpr std::uint64_t kWorker = 7, kOther = 8;
 
-template <typename T, typename Actions>
-std::vector<T> of(const Actions& actions) {
-  std::vector<T> found;
-  for (const auto& action : actions) {
-    if (const auto* each = std::get_if<T>(&action)) found.push_back(*each);
-  }
-  return found;
-}
-
-class CloudCaller : public ::testing::Test {
+/// Writes down what is to be done.
+class CloudCaller : public ::testing::Test, public CallerEvents {
  protected:
-  void connect() {
-    caller_.link_up(Nanos(0), out_);
-    caller_.worker_heard(Nanos(0), out_);
+  void offer(std::uint32_t waiting) override { says("offer " + std::to_string(waiting)); }
+  void give(const GivenTask& given) override {
+    says("give " + std::to_string(given.task.number) + " to " + std::to_string(given.worker) +
+         ", send " + std::to_string(given.send));
+    last_ = given;
   }
-  void submit(const std::string& key = "", std::optional<Nanos> give_back = {}) {
-    ASSERT_EQ(caller_.submit(kTask, key, kBody, give_back, give_back, Nanos(0), out_),
-              Caller::Submission::kTaken);
+  void give_nothing(std::uint64_t worker) override {
+    says("nothing for " + std::to_string(worker));
   }
-  /// What was done since it was asked last.
-  CallerActions actions() { return std::exchange(out_, {}); }
+  void missing(const TaskId&) override { says("missing"); }
+  void withdraw(const TaskId&) override { says("withdraw"); }
+  void end(const TaskId&, CallEndKind how, const std::string& problem,
+           const ReplyMessage*) override {
+    static const char* const kNames[] = {"done", "given up", "refused", "returned", "cancelled"};
+    says(kNames[static_cast<int>(how)]);
+    problem_ = problem;
+  }
+
+  void says(std::string what) { said_.push_back(std::move(what)); }
+  /// Since it was asked last.
+  std::vector<std::string> said() { return std::exchange(said_, {}); }
+  void connect(Nanos now = Nanos(0)) {
+    caller_.link_up(now);
+    caller_.worker_heard(kWorker, now);
+    said();
+  }
+  void submit(Nanos now = Nanos(0), std::optional<Nanos> give_back = {}) {
+    caller_.submit(kTask, "kind", give_back, give_back, now);
+  }
+  void claim(std::uint64_t worker, Nanos now) {
+    caller_.claimed(
+        worker, [](const TaskId&) { return true; }, now);
+  }
   void reply(ReplyKind kind, std::uint32_t send, Nanos now) {
     caller_.replied({.task = kTask, .send = send, .kind = kind, .worker = "w", .problem = "boom"},
-                    now, out_);
+                    now);
+  }
+  /// Claimed by the worker as soon as it may be: the wait before that is random.
+  Nanos claim_again(std::uint64_t worker, Nanos now) {
+    while (last_.send == send_ && now < seconds(3600)) {
+      now = std::max(now, caller_.next_wake());
+      caller_.wake(now);
+      if (!said_.empty() && said_.back().starts_with("offer")) claim(worker, now);
+    }
+    send_ = last_.send;
+    return now;
   }
 
-  std::unique_ptr<Outbox> outbox_ = make_memory_outbox(100);
-  CallerActions out_;
-  Caller caller_{*outbox_, CallerLimits{}, Nanos(0), out_};
+  std::vector<std::string> said_;
+  std::string problem_;
+  GivenTask last_;
+  std::uint32_t send_ = 0;
+  CallerLimits limits_;
+  Caller caller_{*this, CallerLimits{}, 1};
 };
 
-TEST_F(CloudCaller, KeepsATaskUntilItsReplyIsThere) {
+TEST_F(CloudCaller, GivesATaskToWhoClaimsIt) {
   connect();
   submit();
-  const auto published = of<Publish>(actions());
-  ASSERT_EQ(published.size(), 1U);
-  EXPECT_EQ(published[0].send, 1U);
-  EXPECT_EQ(outbox_->body(kTask), kBody);
-  caller_.confirmed(kTask, 1, 42, seconds(1), out_);
-  EXPECT_EQ(outbox_->all().size(), 1U);
-  reply(ReplyKind::kDone, 1, seconds(2));
-  const auto ends = of<TellEnd>(actions());
-  ASSERT_EQ(ends.size(), 1U);
-  EXPECT_EQ(ends[0].how, CallEndKind::kDone);
-  EXPECT_TRUE(outbox_->all().empty());
-  EXPECT_EQ(caller_.next_wake(), seconds(12)) << "only the worker's silence is left";
+  EXPECT_THAT(said(), ElementsAre("offer 1"));
+  claim(kWorker, milliseconds(1));
+  EXPECT_THAT(said(), ElementsAre("give 1 to 7, send 1"));
+  claim(kOther, milliseconds(2));
+  EXPECT_THAT(said(), ElementsAre("nothing for 8"));
+  reply(ReplyKind::kRunning, 1, milliseconds(3));
+  reply(ReplyKind::kDone, 1, seconds(1));
+  EXPECT_THAT(said(), ElementsAre("done"));
+  EXPECT_EQ(caller_.next_wake(), Nanos::max());
+  EXPECT_EQ(caller_.live(), 0U);
 }
 
 TEST_F(CloudCaller, TellsAnEndOnceHoweverOftenTheReplyComes) {
   connect();
   submit();
+  claim(kWorker, Nanos(0));
   reply(ReplyKind::kDone, 1, seconds(1));
+  said();
   reply(ReplyKind::kDone, 1, seconds(2));
-  EXPECT_EQ(of<TellEnd>(actions()).size(), 1U);
+  EXPECT_THAT(said(), IsEmpty());
   EXPECT_EQ(caller_.counts().late, 1);
 }
 
-TEST_F(CloudCaller, SendsAnUnconfirmedTaskAgainUnderTheSameNumber) {
+TEST_F(CloudCaller, OffersAgainWhileATaskWaits) {
   connect();
   submit();
-  actions();
-  EXPECT_EQ(caller_.next_wake(), seconds(5));
-  caller_.wake(seconds(5), out_);
-  const auto published = of<Publish>(actions());
-  ASSERT_EQ(published.size(), 1U);
-  EXPECT_EQ(published[0].send, 1U) << "the server may have it: the same message id";
+  said();
+  EXPECT_EQ(caller_.next_wake(), seconds(1));
+  caller_.wake(seconds(1));
+  EXPECT_THAT(said(), ElementsAre("offer 1"));
+  caller_.worker_heard(kOther, milliseconds(1500));
+  EXPECT_THAT(said(), ElementsAre("offer 1")) << "it has not heard of it";
 }
 
-TEST_F(CloudCaller, SendsATaskThatNothingIsHeardOfUnderTheNextNumberAndWaitsLongerThen) {
+TEST_F(CloudCaller, TakesATaskBackThatNobodyConfirmedAndCountsNoTry) {
   connect();
   submit();
-  caller_.confirmed(kTask, 1, 42, seconds(0), out_);
-  actions();
-  // 60 s of silence; the worker's own announcements go on.
-  caller_.worker_heard(seconds(59), out_);
-  caller_.wake(seconds(60), out_);
-  auto published = of<Publish>(actions());
-  ASSERT_EQ(published.size(), 1U);
-  EXPECT_EQ(published[0].send, 2U);
-  caller_.confirmed(kTask, 2, 43, seconds(60), out_);
-  caller_.worker_heard(seconds(179), out_);
-  caller_.wake(seconds(179), out_);
-  EXPECT_TRUE(of<Publish>(actions()).empty()) << "120 s from 60 s on";
-  reply(ReplyKind::kRunning, 2, seconds(179));
-  caller_.wake(seconds(298), out_);
-  EXPECT_TRUE(of<Publish>(actions()).empty()) << "a worker computes it";
-  caller_.wake(seconds(299), out_);
-  published = of<Publish>(actions());
-  ASSERT_EQ(published.size(), 1U);
-  EXPECT_EQ(published[0].send, 3U);
-}
-
-TEST_F(CloudCaller, WaitsForTheLinkAsLongAsItTakes) {
-  submit();
-  EXPECT_TRUE(of<Publish>(actions()).empty());
-  EXPECT_EQ(caller_.next_wake(), Nanos::max());
-  EXPECT_EQ(caller_.availability(), Availability::kDown);
-  caller_.link_up(std::chrono::hours(5), out_);
-  EXPECT_EQ(of<Publish>(actions()).size(), 1U);
+  claim(kWorker, Nanos(0));
+  said();
+  EXPECT_EQ(caller_.next_wake(), seconds(3));
+  caller_.wake(seconds(3));
+  EXPECT_THAT(said(), IsEmpty()) << "a little later, at random";
+  const Nanos next = caller_.next_wake();
+  EXPECT_GE(next, seconds(3) + limits_.again);
+  EXPECT_LE(next, seconds(3) + 2 * limits_.again);
+  caller_.wake(next);
+  EXPECT_THAT(said(), ElementsAre("offer 1"));
 }
 
 TEST_F(CloudCaller, GivesATaskUpAfterThreeFailedTriesAndSaysWhoseAndWhy) {
   connect();
   submit();
+  claim(kWorker, Nanos(0));
+  send_ = 1;
+  Nanos now{0};
   for (std::uint32_t send = 1; send <= 3; ++send) {
-    actions();
-    reply(ReplyKind::kFailedTry, send, seconds(send));
-    reply(ReplyKind::kFailedTry, send, seconds(send));  // Twice is once.
+    reply(ReplyKind::kFailedTry, send, now);
+    reply(ReplyKind::kFailedTry, send, now);  // Twice is once.
+    if (send < 3) now = claim_again(kWorker, now);
   }
-  const auto ends = of<TellEnd>(actions());
-  ASSERT_EQ(ends.size(), 1U);
-  EXPECT_EQ(ends[0].how, CallEndKind::kGivenUp);
-  EXPECT_EQ(ends[0].problem, "given up after 3 tries; the last one failed on worker w: boom");
-  EXPECT_TRUE(outbox_->all().empty());
+  EXPECT_EQ(said().back(), "given up");
+  EXPECT_EQ(problem_, "given up after 3 tries; the last one failed on worker w: boom");
 }
 
-TEST_F(CloudCaller, LostLinksAndServersAreNoTries) {
+TEST_F(CloudCaller, WaitingForParametersOrRoomIsNoTryButEnds) {
   connect();
   submit();
-  for (int i = 1; i <= 10; ++i) {
-    caller_.link_down(seconds(i), out_);
-    caller_.link_up(seconds(i), out_);
+  claim(kWorker, Nanos(0));
+  reply(ReplyKind::kMissing, 1, Nanos(0));
+  EXPECT_EQ(said().back(), "missing");
+  EXPECT_EQ(caller_.next_wake(), Nanos::max()) << "until they are there";
+  caller_.ready(kTask, seconds(1));
+  EXPECT_THAT(said(), ElementsAre("offer 1"));
+  claim(kWorker, seconds(1));
+  send_ = 2;
+  Nanos now = seconds(1);
+  for (std::uint32_t send = 2; send < limits_.most_sends; ++send) {
+    reply(ReplyKind::kLater, send, now);
+    now = claim_again(kWorker, now);
   }
-  EXPECT_EQ(caller_.counts().given_up, 0);
-  reply(ReplyKind::kDone, 1, seconds(11));
-  EXPECT_EQ(of<TellEnd>(actions()).size(), 1U);
+  EXPECT_EQ(caller_.live(), 1U) << "no try";
+  reply(ReplyKind::kLater, limits_.most_sends, now);
+  EXPECT_EQ(problem_, "given up after it was sent 20 times; the last time worker w: boom");
+}
+
+TEST_F(CloudCaller, AWorkerThatDiesWithATaskIsATryAndALostReplyIsNone) {
+  connect();
+  submit();
+  Nanos now{0};
+  claim(kWorker, now);
+  for (int death = 1; death <= 3; ++death) {
+    reply(ReplyKind::kRunning, last_.send, now);
+    send_ = last_.send;
+    now += limits_.silence;
+    caller_.wake(now);
+    if (death < 3) now = claim_again(kWorker, now);
+  }
+  EXPECT_EQ(said().back(), "given up");
+  EXPECT_EQ(problem_.find("given up after 3 tries"), 0U) << problem_;
+
+  submit(now);
+  last_ = {}, send_ = 0;
+  claim(kWorker, now);
+  for (int i = 0; i < 5; ++i) {
+    reply(ReplyKind::kRunning, last_.send, now);
+    send_ = last_.send;
+    now += limits_.silence;
+    caller_.worker_heard(kWorker, now);
+    caller_.wake(now);
+    now = claim_again(kWorker, now);
+  }
+  EXPECT_EQ(caller_.live(), 1U);
+}
+
+TEST_F(CloudCaller, AWorkerThatSaysThatItComputesHasAsLongAsItTakes) {
+  connect();
+  submit();
+  claim(kWorker, Nanos(0));
+  said();
+  for (int s = 1; s < 3600; ++s) {
+    reply(ReplyKind::kRunning, 1, seconds(s));
+    if (caller_.next_wake() <= seconds(s)) caller_.wake(seconds(s));
+  }
+  EXPECT_THAT(said(), IsEmpty());
+}
+
+TEST_F(CloudCaller, LostLinksAreNoTries) {
+  connect();
+  submit();
+  claim(kWorker, Nanos(0));
+  reply(ReplyKind::kRunning, 1, Nanos(0));
+  for (int i = 1; i <= 10; ++i) {
+    caller_.link_down();
+    EXPECT_EQ(caller_.next_wake(), Nanos::max());
+    caller_.link_up(seconds(100 * i));
+    caller_.worker_heard(kWorker, seconds(100 * i));
+  }
+  said();
+  reply(ReplyKind::kDone, 1, seconds(1001));
+  EXPECT_THAT(said(), ElementsAre("done"));
 }
 
 TEST_F(CloudCaller, GivesATaskBackAtItsLatestMomentAndWithdrawsIt) {
   connect();
-  submit("", milliseconds(300));
-  caller_.confirmed(kTask, 1, 42, milliseconds(1), out_);
-  actions();
+  submit(Nanos(0), milliseconds(300));
+  claim(kWorker, milliseconds(100));
+  EXPECT_EQ(last_.time_left, milliseconds(200));
+  said();
   EXPECT_EQ(caller_.next_wake(), milliseconds(300));
-  caller_.wake(milliseconds(300), out_);
-  const auto done = actions();
-  ASSERT_EQ(of<TellEnd>(done).size(), 1U);
-  EXPECT_EQ(of<TellEnd>(done)[0].how, CallEndKind::kReturned);
-  ASSERT_EQ(of<Withdraw>(done).size(), 1U);
-  EXPECT_EQ(of<Withdraw>(done)[0].sequence, 42U);
+  caller_.wake(milliseconds(300));
+  EXPECT_THAT(said(), ElementsAre("withdraw", "returned"));
   reply(ReplyKind::kDone, 1, seconds(1));
-  EXPECT_TRUE(of<TellEnd>(actions()).empty());
+  EXPECT_THAT(said(), IsEmpty());
   EXPECT_EQ(caller_.counts().late, 1);
 }
 
-TEST_F(CloudCaller, WithdrawsWhatWasCancelledBeforeTheServerConfirmedIt) {
-  connect();
-  submit();
-  caller_.cancel(kTask, milliseconds(1), out_);
-  actions();
-  caller_.confirmed(kTask, 1, 42, milliseconds(2), out_);
-  const auto withdrawn = of<Withdraw>(actions());
-  ASSERT_EQ(withdrawn.size(), 1U);
-  EXPECT_EQ(withdrawn[0].sequence, 42U);
-}
-
-TEST_F(CloudCaller, DrainsWhileTheOutboxIsFullAndCountsWhatItTurnsAway) {
-  connect();
-  actions();
-  const Bytes large(60);
-  EXPECT_EQ(caller_.submit({1, 1}, "", large, {}, {}, Nanos(0), out_), Caller::Submission::kTaken);
-  EXPECT_EQ(caller_.submit({1, 2}, "", large, {}, {}, Nanos(0), out_),
-            Caller::Submission::kOutboxFull);
-  EXPECT_EQ(caller_.availability(), Availability::kDraining);
-  EXPECT_EQ(caller_.counts().outbox_full, 1);
-  reply(ReplyKind::kDone, 1, seconds(1));
-  EXPECT_EQ(caller_.availability(), Availability::kUp);
+TEST_F(CloudCaller, GivesBackInTimeWithoutALink) {
+  submit(Nanos(0), milliseconds(300));
+  caller_.wake(milliseconds(300));
+  EXPECT_THAT(said(), ElementsAre("returned"));
 }
 
 TEST_F(CloudCaller, IsDownWithoutALinkAndWithoutAWorker) {
-  EXPECT_EQ(caller_.availability(), Availability::kDown);
-  caller_.link_up(Nanos(0), out_);
-  EXPECT_EQ(caller_.availability(), Availability::kDown) << "nobody computes";
-  caller_.worker_heard(seconds(1), out_);
-  EXPECT_EQ(caller_.availability(), Availability::kUp);
-  EXPECT_EQ(caller_.next_wake(), seconds(11));
-  caller_.wake(seconds(11), out_);
-  EXPECT_EQ(caller_.availability(), Availability::kDown);
-  caller_.worker_heard(seconds(12), out_);
-  EXPECT_EQ(caller_.availability(), Availability::kUp);
+  EXPECT_FALSE(caller_.is_up(Nanos(0)));
+  caller_.link_up(Nanos(0));
+  EXPECT_FALSE(caller_.is_up(Nanos(0))) << "nobody computes";
+  caller_.worker_heard(kWorker, seconds(1));
+  EXPECT_TRUE(caller_.is_up(seconds(10)));
+  EXPECT_FALSE(caller_.is_up(seconds(11)));
+  caller_.worker_heard(kWorker, seconds(12));
+  EXPECT_TRUE(caller_.is_up(seconds(12)));
+  caller_.link_down();
+  EXPECT_FALSE(caller_.is_up(seconds(12)));
 }
 
-TEST_F(CloudCaller, AKeySurvivesTheProgramAndGetsItsReply) {
-  connect();
-  submit("map of the cellar");
-  CallerActions out;
-  Caller next(*outbox_, CallerLimits{}, Nanos(0), out);
-  EXPECT_TRUE(of<Withdraw>(out).empty());
-  next.link_up(Nanos(0), out);
-  const auto published = of<Publish>(out);
-  ASSERT_EQ(published.size(), 1U);
-  EXPECT_EQ(published[0].send, 2U) << "what the first run sent may be there, and its reply gone";
-  next.replied({.task = kTask, .send = 1, .worker = "w"}, seconds(1), out);
-  EXPECT_TRUE(of<TellEnd>(out).empty()) << "nobody has asked yet";
-  const Bytes other{std::byte{9}};
-  EXPECT_EQ(next.submit({2, 2}, "map of the cellar", other, {}, {}, seconds(2), out),
-            Caller::Submission::kOtherBody);
-  EXPECT_EQ(next.submit(kTask, "map of the cellar", kBody, {}, {}, seconds(2), out),
-            Caller::Submission::kTaken);
-  const auto ends = of<TellEnd>(out);
-  ASSERT_EQ(ends.size(), 1U);
-  EXPECT_EQ(ends[0].reply->worker, "w");
-  EXPECT_TRUE(outbox_->all().empty());
-}
-
-TEST_F(CloudCaller, AKeyThatIsSubmittedAnewIsSentAboveWhatWorkersMayRemember) {
-  connect();
-  EXPECT_EQ(caller_.submit(kTask, "cellar", kBody, {}, {}, Nanos(0), out_, 1000),
-            Caller::Submission::kTaken);
-  const auto published = of<Publish>(actions());
-  ASSERT_EQ(published.size(), 1U);
-  EXPECT_EQ(published[0].send, 1000U);
-  EXPECT_EQ(outbox_->all().at(0).sends, 1000U);
-}
-
-TEST_F(CloudCaller, WithdrawsAnEarlierRunsTasksThatHaveNoKey) {
-  submit();
-  CallerActions out;
-  const Caller next(*outbox_, CallerLimits{}, Nanos(0), out);
-  EXPECT_EQ(of<Withdraw>(out).size(), 1U);
-  EXPECT_TRUE(outbox_->all().empty());
-}
-
-class CloudAttendant : public ::testing::Test {
+class CloudHedges : public CloudCaller {
  protected:
-  static constexpr Nanos kNow{0};
-  const TaskKey key_{"r", kTask};
-  AttendantActions actions() { return std::exchange(out_, {}); }
-  void finish(ReplyKind kind = ReplyKind::kDone) {
-    attendant_.finished(key_, {.task = kTask, .kind = kind}, kNow, out_);
-  }
-  AttendantActions out_;
-  Attendant attendant_{AttendantLimits{.slots = 2}};
+  CloudHedges() { limits_.hedge_after = milliseconds(20); }
+  Caller hedging_{*this,
+                  [] {
+                    CallerLimits limits;
+                    limits.hedge_after = milliseconds(20);
+                    return limits;
+                  }(),
+                  1};
 };
 
-TEST_F(CloudAttendant, AcknowledgesOnlyWhenTheReplyIsStored) {
-  attendant_.delivered(key_, 1, 10, kNow, out_);
-  EXPECT_EQ(of<Compute>(out_).size(), 1U);
-  finish();
-  EXPECT_EQ(of<PublishReply>(out_).size(), 1U);
-  EXPECT_TRUE(of<Acknowledge>(actions()).empty());
-  attendant_.stored(key_, 1, kNow, out_);
-  const auto acknowledged = of<Acknowledge>(actions());
-  ASSERT_EQ(acknowledged.size(), 1U);
-  EXPECT_EQ(acknowledged[0].delivery, 10U);
+TEST_F(CloudHedges, AskASecondWorkerAndCancelTheLoser) {
+  const auto all = [](const TaskId&) { return true; };
+  hedging_.link_up(Nanos(0));
+  hedging_.worker_heard(kWorker, Nanos(0));
+  hedging_.worker_heard(kOther, Nanos(0));
+  hedging_.submit(kTask, "kind", {}, {}, Nanos(0));
+  hedging_.claimed(kWorker, all, Nanos(0));
+  said();
+  EXPECT_EQ(hedging_.next_wake(), milliseconds(20));
+  hedging_.wake(milliseconds(20));
+  EXPECT_THAT(said(), ElementsAre("offer 1"));
+  hedging_.claimed(kWorker, all, milliseconds(21));
+  EXPECT_THAT(said(), ElementsAre("nothing for 7")) << "it has it already";
+  hedging_.claimed(kOther, all, milliseconds(22));
+  EXPECT_THAT(said(), ElementsAre("give 1 to 8, send 2"));
+  hedging_.replied({.task = kTask, .send = 2, .worker = "x"}, milliseconds(30));
+  EXPECT_THAT(said(), ElementsAre("withdraw", "done"));
+  EXPECT_EQ(hedging_.counts().hedged, 1);
 }
 
-TEST_F(CloudAttendant, PublishesAReplyAgainUntilTheServerHasIt) {
-  attendant_.delivered(key_, 1, 10, kNow, out_);
-  finish();
-  actions();
-  EXPECT_EQ(attendant_.next_wake(), seconds(5));
-  attendant_.wake(seconds(5), out_);
-  EXPECT_EQ(of<PublishReply>(actions()).size(), 1U);
+class CloudDesk : public ::testing::Test {
+ protected:
+  /// Whom it asks, "" = nobody.
+  std::string claims(Nanos now) {
+    const auto claim = desk_.claim(now);
+    return claim ? claim->robot : "";
+  }
+  Desk desk_{DeskLimits{.slots = 1}};
+};
+
+TEST_F(CloudDesk, AsksForAsManyTasksAsSlotsAreFree) {
+  EXPECT_EQ(claims(Nanos(0)), "") << "nobody has one";
+  desk_.offered("a", 1, 5, Nanos(0));
+  EXPECT_EQ(claims(Nanos(0)), "a");
+  EXPECT_EQ(claims(Nanos(0)), "");
+  EXPECT_TRUE(desk_.take("a", 1, 4, Nanos(0)));
+  EXPECT_EQ(claims(Nanos(0)), "");
+  EXPECT_FALSE(desk_.expects("b"));
+  EXPECT_FALSE(desk_.take("b", 1, 0, Nanos(0))) << "nobody asked";
+  desk_.finished("a", seconds(1), false, seconds(1));
+  EXPECT_EQ(claims(seconds(1)), "a");
 }
 
-TEST_F(CloudAttendant, PublishesAReplyAgainAtOnceWhenALinkIsBack) {
-  attendant_.delivered(key_, 1, 10, kNow, out_);
-  attendant_.link_up(kNow, out_);
-  EXPECT_TRUE(of<PublishReply>(actions()).empty()) << "it is computed";
-  finish();
-  actions();
-  attendant_.link_up(seconds(1), out_);
-  EXPECT_EQ(of<PublishReply>(actions()).size(), 1U);
+TEST_F(CloudDesk, GivesEachRobotItsShareOfTheTime) {
+  std::map<std::string, Nanos> used;
+  Nanos now{0};
+  desk_.offered("greedy", 1, 1'000'000, now);
+  for (int i = 0; i < 400; ++i) {
+    for (const char* robot : {"b", "c", "d"}) desk_.offered(robot, 1, 2, now);
+    desk_.offered("greedy", 1, 1'000'000, now);
+    const auto claim = desk_.claim(now);
+    ASSERT_TRUE(claim);
+    ASSERT_TRUE(desk_.take(claim->robot, claim->run, 1, now));
+    // The greedy one's calls take ten times as long.
+    const Nanos takes = milliseconds(claim->robot == "greedy" ? 100 : 10);
+    now += takes;
+    used[claim->robot] += takes;
+    desk_.finished(claim->robot, takes, false, now);
+  }
+  for (const char* robot : {"b", "c", "d"}) {
+    EXPECT_NEAR(to_ms(used[robot]), to_ms(used["greedy"]), 101) << robot;
+  }
 }
 
-TEST(CloudStreamAge, IsNeverMoreThanItWas) {
-  StreamAge ages;
-  const auto ack = [](Nanos stored) {
-    return "$JS.ACK.PIRT_TASKS.workers.1.7.3." + std::to_string(stored.count()) + ".0";
+TEST_F(CloudDesk, NobodySavesUpTime) {
+  Nanos now{0};
+  const auto serve = [&](int calls) {
+    std::map<std::string, int> served;
+    for (int i = 0; i < calls; ++i) {
+      const auto claim = desk_.claim(now);
+      if (!claim) break;
+      static_cast<void>(desk_.take(claim->robot, claim->run, 100, now));
+      now += milliseconds(100);
+      desk_.finished(claim->robot, milliseconds(100), false, now);
+      ++served[claim->robot];
+    }
+    return served;
   };
-  const Nanos server = seconds(1000);  // Another clock.
-  EXPECT_EQ(ages.at_least(ack(server), seconds(5)), seconds(0)) << "nothing is known yet";
-  EXPECT_EQ(ages.at_least(ack(server + seconds(1)), seconds(9)), seconds(3));
-  EXPECT_EQ(ages.at_least(ack(server + seconds(6)), seconds(10)), seconds(0))
-      << "it was faster than any before";
-  EXPECT_EQ(ages.at_least(ack(server + seconds(6)), seconds(12)), seconds(2));
-  EXPECT_EQ(
-      ages.at_least("$JS.ACK.hub.acc.PIRT_TASKS.workers.1.7.3.1006000000000.0.x", seconds(12)),
-      seconds(2));
-  for (const char* other : {"", "x", "$JS.ACK.1.2", "$JS.ACK.a.b.1.2.3.soon.0", "........"}) {
-    EXPECT_EQ(ages.at_least(other, seconds(50)), seconds(0)) << other;
+  desk_.offered("a", 1, 100, now);
+  serve(100);
+  desk_.offered("late", 1, 100, now);
+  auto served = serve(10);
+  EXPECT_NEAR(served["a"], 5, 1);
+}
+
+TEST_F(CloudDesk, AClaimThatRunsOutIsItsRobotsTime) {
+  desk_.offered("mute", 1, 9, Nanos(0));
+  EXPECT_EQ(claims(Nanos(0)), "mute");
+  desk_.offered("a", 1, 9, seconds(1));
+  EXPECT_EQ(desk_.next_wake(), seconds(2));
+  desk_.offered("mute", 1, 9, seconds(2));
+  EXPECT_EQ(claims(seconds(2)), "a");
+}
+
+TEST_F(CloudDesk, LeavesSlotsForOthersThatAreThere) {
+  Desk desk(DeskLimits{.slots = 4});
+  desk.offered("a", 1, 9, Nanos(0));
+  desk.offered("b", 1, 0, Nanos(0));
+  int claims = 0;
+  while (desk.claim(Nanos(0))) ++claims;
+  EXPECT_EQ(claims, 2) << "b was heard just now";
+  while (desk.claim(seconds(6))) ++claims;
+  EXPECT_EQ(claims, 2) << "a's offer is too old";
+  desk.offered("a", 1, 9, seconds(6));
+  while (desk.claim(seconds(6))) ++claims;
+  EXPECT_EQ(claims, 6) << "those before ran out";
+}
+
+TEST_F(CloudDesk, HoldsLittleOfWhoeverSaysWhatever) {
+  Desk desk(DeskLimits{.most_robots = 10, .most_runs = 2});
+  for (std::uint64_t i = 0; i < 1000; ++i) {
+    desk.offered("r" + std::to_string(i % 100), i, 1, Nanos(static_cast<std::int64_t>(i)));
   }
+  const auto claim = desk.claim(Nanos(1000));
+  ASSERT_TRUE(claim);
+  EXPECT_GE(claim->run, 900U) << "the older ones are forgotten";
 }
 
-TEST_F(CloudAttendant, ComputesWhatComesTwiceOnce) {
-  attendant_.delivered(key_, 1, 10, kNow, out_);
-  attendant_.delivered(key_, 1, 11, kNow, out_);
-  finish();
-  attendant_.stored(key_, 1, kNow, out_);
-  EXPECT_EQ(of<Compute>(out_).size(), 1U);
-  EXPECT_EQ(of<Acknowledge>(actions()).size(), 2U);
-  attendant_.delivered(key_, 1, 12, kNow, out_);
-  const auto again = actions();
-  EXPECT_TRUE(of<Compute>(again).empty());
-  EXPECT_EQ(of<Acknowledge>(again).size(), 1U);
-}
-
-TEST_F(CloudAttendant, RepeatsTheReplyToATaskThatIsSentAgain) {
-  attendant_.delivered(key_, 1, 10, kNow, out_);
-  finish();
-  attendant_.stored(key_, 1, kNow, out_);
-  actions();
-  attendant_.delivered(key_, 2, 11, kNow, out_);
-  const auto again = actions();
-  EXPECT_TRUE(of<Compute>(again).empty());
-  ASSERT_EQ(of<PublishReply>(again).size(), 1U);
-  EXPECT_EQ(of<PublishReply>(again)[0].send, 2U);
-}
-
-TEST_F(CloudAttendant, TriesAFailedTaskAgainOnlyWhenTheRobotSaysSo) {
-  attendant_.delivered(key_, 1, 10, kNow, out_);
-  finish(ReplyKind::kFailedTry);
-  actions();
-  // The robot's next try is faster than the word that the reply is stored.
-  attendant_.delivered(key_, 2, 11, kNow, out_);
-  EXPECT_EQ(of<LeaveForLater>(actions()).size(), 1U);
-  attendant_.stored(key_, 1, kNow, out_);
-  const auto stored = actions();
-  EXPECT_EQ(of<Acknowledge>(stored).size(), 1U);
-  EXPECT_TRUE(of<PublishReply>(stored).empty());
-  attendant_.delivered(key_, 2, 12, kNow, out_);
-  EXPECT_EQ(of<Compute>(actions()).size(), 1U);
-}
-
-TEST_F(CloudAttendant, SaysThatItComputes) {
-  attendant_.delivered(key_, 1, 10, kNow, out_);
-  actions();
-  EXPECT_EQ(attendant_.next_wake(), seconds(10));
-  attendant_.wake(seconds(10), out_);
-  const auto said = actions();
-  EXPECT_EQ(of<SayProgress>(said).size(), 1U);
-  EXPECT_EQ(of<SayRunning>(said).size(), 1U);
-}
-
-TEST_F(CloudAttendant, HoldsNoMoreThanItsSlots) {
-  EXPECT_EQ(attendant_.free_slots(), 2);
-  attendant_.delivered(key_, 1, 10, kNow, out_);
-  EXPECT_EQ(attendant_.free_slots(), 1);
-  attendant_.postponed(key_, out_);
-  EXPECT_EQ(attendant_.free_slots(), 2);
-  EXPECT_EQ(of<LeaveForLater>(actions()).size(), 1U);
-}
-
-TEST(CloudAttendantMemory, ForgetsTheOldestRepliesBeyondItsLimit) {
-  Attendant attendant({.slots = 1, .remembered = 2});
-  AttendantActions out;
-  for (std::uint64_t number = 1; number <= 3; ++number) {
-    const TaskKey key{"r", {1, number}};
-    attendant.delivered(key, 1, number, Nanos(0), out);
-    attendant.finished(key, {.task = key.task}, Nanos(0), out);
-    attendant.stored(key, 1, Nanos(0), out);
+TEST_F(CloudDesk, RefusesWhoseCallsEndProcessesUntilTheyAreOld) {
+  desk_.offered("a", 1, 100, Nanos(0));
+  for (int i = 0; i < 10; ++i) {
+    EXPECT_EQ(desk_.why_refused("a", Nanos(0)), "");
+    ASSERT_TRUE(desk_.take("a", 1, 1, Nanos(0)));
+    desk_.finished("a", Nanos(1), true, Nanos(0));
   }
-  out.clear();
-  attendant.delivered({"r", {1, 3}}, 1, 8, Nanos(0), out);
-  EXPECT_TRUE(of<Compute>(out).empty());
-  attendant.delivered({"r", {1, 1}}, 1, 9, Nanos(0), out);
-  EXPECT_EQ(of<Compute>(out).size(), 1U);
+  EXPECT_EQ(desk_.why_refused("a", seconds(1)).find("robot a: 10 of its calls"), 0U);
+  EXPECT_EQ(desk_.why_refused("b", seconds(1)), "");
+  EXPECT_EQ(desk_.why_refused("a", seconds(60)), "");
 }
 
 void expect_nothing_lost(const test::SimulationResult& result) {
   EXPECT_EQ(result.never_ended, 0);
   EXPECT_EQ(result.ended_twice, 0);
   EXPECT_EQ(result.ended_wrongly, 0);
-  EXPECT_EQ(result.left_in_outboxes, 0U);
-  EXPECT_EQ(result.left_on_streams, 0U);
+  EXPECT_EQ(result.over_slots, 0);
+  EXPECT_EQ(result.left_at_workers, 0U);
   EXPECT_EQ(result.submitted, result.done + result.given_up + result.returned + result.withdrawn);
   EXPECT_GT(result.done, 0);
 }
@@ -391,17 +411,16 @@ TEST(CloudInVirtualTime, LosesNothingAndDeliversOnceWhateverFails) {
   const auto seeds = static_cast<std::uint64_t>(pirt::test::repeats(5, 50));
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
     SCOPED_TRACE(seed);
-    const auto result = Simulation({.seed = seed, .faults = 2000}).run();
+    const auto result = Simulation({.seed = seed, .faults = 2000, .hedges = seed % 2 == 0}).run();
     expect_nothing_lost(result);
     // The faults reach what is there against them.
     EXPECT_GT(result.sent_again, 0);
     EXPECT_GT(result.late, 0);
-    EXPECT_GT(result.not_computed_again, 0);
-    EXPECT_GT(result.lost_by_server, 0);
     EXPECT_GT(result.given_up, 0);
     EXPECT_GT(result.returned, 0);
     EXPECT_GT(result.withdrawn, 0);
-    EXPECT_EQ(result.faults.size(), 6U);
+    EXPECT_EQ(result.hedged > 0, seed % 2 == 0);
+    EXPECT_EQ(result.faults.size(), 5U);
   }
 }
 

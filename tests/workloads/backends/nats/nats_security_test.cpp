@@ -4,7 +4,6 @@
 
 #include <cstdlib>
 #include <fstream>
-#include <future>
 #include <sstream>
 
 #include "tests/support/paths.h"
@@ -73,7 +72,7 @@ class CloudPermissions : public ::testing::Test {
         << server_->log();
     admin_ = connect("admin", "a", "_INBOX");
     ASSERT_TRUE(admin_->wait_until_up(kLong)) << server_->log();
-    set_up(*admin_, {.robots = robots, .redelivered = 1s});
+    set_up(*admin_, {.robots = robots});
   }
 
   [[nodiscard]] std::string url_of(const std::string& user, const std::string& password) const {
@@ -112,23 +111,11 @@ TEST_F(CloudPermissions, LetARobotAndAWorkerDoAllThatTheyNeed) {
   options.hello = 300ms;
   options.make_computer = make_adding_computer;
   const WorkerLink worker(options, known);
-  RobotOptions robot_options;
-  robot_options.connection.server = url_of("r1", "one");
-  robot_options.robot = "r1";
-  RobotLink robot(robot_options);
-  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  const auto device = open_unit(url_of("r1", "one"), "robot: r1");
   for (const Workload* each : known) {
-    Submission submission = make_submission(*each, {.value = 5}, 2);
-    auto told = std::make_shared<std::promise<TaskEnd>>();
-    auto end = told->get_future();
-    submission.ended = [told](TaskEnd how) { told->set_value(std::move(how)); };
-    const bool weighs = submission.parameters.has_value();
-    static_cast<void>(robot.submit(std::move(submission)));
-    ASSERT_EQ(end.wait_for(kLong), std::future_status::ready)
-        << each->name << ": " << robot.why_down() << worker.problem();
-    const TaskEnd how = end.get();
-    EXPECT_EQ(how.how, CallEndKind::kDone) << each->name << ": " << how.problem;
-    EXPECT_EQ(check_outputs(*each, {.value = 5}, how.outputs, weighs ? 2 : 0), "");
+    const std::uint8_t parameter = each->parameters.empty() ? 0 : 2;
+    const auto kernel = device->prepare(*each, parameters_of(*each, parameter));
+    EXPECT_EQ(call_and_check(*kernel, *each, {.value = 5}, parameter), "") << each->name;
   }
   EXPECT_EQ(worker.problem(), "");
   EXPECT_EQ(server_->log().find("Violation"), std::string::npos) << server_->log();
@@ -137,30 +124,43 @@ TEST_F(CloudPermissions, LetARobotAndAWorkerDoAllThatTheyNeed) {
 TEST_F(CloudPermissions, BindARobotToItsOwnSubjects) {
   const auto robot = connect("r2", "two", "_INBOX_r2");
   ASSERT_TRUE(robot->wait_until_up(kLong));
-  const Bytes frame = encode(TaskMessage{.task = {1, 2}, .body = Bytes(1)});
   std::atomic<int> heard = 0;
-  robot->subscribe(deliver_subject("r1"), [&](const Incoming&) { ++heard; });
-  robot->publish(task_subject("r1"), frame);
-  robot->publish(withdraw_subject("r1"), frame);
-  robot->publish(reply_subject("r2"), frame);
-  robot->publish(kHelloSubject, frame);
-  robot->publish("pirt.par.r1.x.0", frame);
-  EXPECT_FALSE(robot->request("$JS.API.STREAM.PURGE.PIRT_TASKS", "", 300ms).came);
-  EXPECT_FALSE(robot->request("$JS.API.STREAM.DELETE.PIRT_TASKS", "", 300ms).came);
-  EXPECT_FALSE(robot->request("$JS.API.STREAM.CREATE.MINE", R"({"name":"MINE"})", 300ms).came);
-  EXPECT_FALSE(robot->request("$JS.API.STREAM.MSG.GET.PIRT_TASKS", R"({"seq":1})", 300ms).came);
-  EXPECT_FALSE(robot->request("$JS.API.DIRECT.GET.PIRT_BLOBS.pirt.out.r1.x.0", "", 300ms).came);
-  EXPECT_EQ(messages(kTaskStream), 0);
-  EXPECT_EQ(messages(kWithdrawStream), 0);
-  EXPECT_EQ(messages(kReplyStream), 0);
-  EXPECT_EQ(messages(kBlobStream), 0);
+  const auto hears = [&](const std::string& what) {
+    admin_->subscribe(what, [&](const Incoming&) { ++heard; });
+  };
+  for (const char* each : {"pirt.offer.r1", "pirt.task.r1.*", "pirt.cancel.r1", "pirt.answer.*",
+                           "pirt.claim.*", "pirt.hello", "pirt.blob.r1.>"}) {
+    hears(each);
+  }
+  std::atomic<int> spied = 0;
+  for (const char* each : {"pirt.claim.r1", "pirt.answer.r1", "_INBOX.>", "pirt.>"}) {
+    robot->subscribe(each, [&](const Incoming&) { ++spied; });
+  }
+  const Bytes frame = encode(CancelMessage{{1, 2}});
+  for (const char* each :
+       {"pirt.offer.r1", "pirt.task.r1.a", "pirt.cancel.r1", "pirt.answer.r2", "pirt.claim.r2",
+        "pirt.hello", "pirt.blob.r1.par.x.0", "pirt.blob.r2.out.x.0", "_INBOX.x"}) {
+    robot->publish(each, frame);
+  }
+  const auto refused = [&](const std::string& subject, std::string_view text = "") {
+    return !robot->request(subject, text, 300ms).came;
+  };
+  EXPECT_TRUE(refused("$JS.API.STREAM.PURGE.PIRT_r1"));
+  EXPECT_TRUE(refused("$JS.API.STREAM.DELETE.PIRT_r2"));
+  EXPECT_TRUE(refused("$JS.API.STREAM.CREATE.MINE", R"({"name":"MINE"})"));
+  EXPECT_TRUE(refused("$JS.API.STREAM.MSG.GET.PIRT_r1", R"({"seq":1})"));
+  EXPECT_TRUE(refused("$JS.API.DIRECT.GET.PIRT_r1.pirt.blob.r1.par.x.0"));
+  EXPECT_EQ(messages("PIRT_r1"), 0);
   // Its own it may.
-  EXPECT_TRUE(robot->request(task_subject("r2"), frame, 5s).came);
-  EXPECT_EQ(messages(kTaskStream), 1);
-  admin_->publish(deliver_subject("r1"), frame);
+  EXPECT_TRUE(robot->request("pirt.blob.r2.par.x.0", frame, 5s).came);
+  EXPECT_EQ(messages("PIRT_r2"), 1);
+  EXPECT_TRUE(robot->request("$JS.API.STREAM.PURGE.PIRT_r2", "", 5s).came);
+  EXPECT_EQ(messages("PIRT_r2"), 0);
+  admin_->publish("pirt.answer.r1", frame);
   EXPECT_TRUE(admin_->request("$JS.API.INFO", "", 5s).came);
   std::this_thread::sleep_for(50ms);
-  EXPECT_EQ(heard, 0);
+  EXPECT_EQ(heard, 1) << "what the administrator itself said";
+  EXPECT_EQ(spied, 0);
   EXPECT_THAT(server_->log(), HasSubstr("Violation"));
 }
 
@@ -169,7 +169,7 @@ TEST(CloudNKey, LetsInWhoHasTheSeedAndNobodyElse) {
   if (nats_server_program().empty()) GTEST_SKIP() << "skipped: nats-server is not installed";
   const std::string key = "UDXU4RCSJNZOIQHZNWXHXORDPRTGNJAHAHFRGZNEEJCPQTT2M7NLCNF4";
   NatsServer server("authorization { users = [ { nkey: " + key +
-                    ", permissions: { publish: { allow: [\"pirt.task.r1\", \"$JS.API.INFO\"] }, "
+                    ", permissions: { publish: { allow: [\"pirt.offer.r1\", \"$JS.API.INFO\"] }, "
                     "subscribe: { allow: [\"_INBOX.>\"] } } } ] }\n");
   const auto file = [&](const std::string& name, const std::string& text) {
     std::ofstream(server.folder() / name) << text;
@@ -183,9 +183,9 @@ TEST(CloudNKey, LetsInWhoHasTheSeedAndNobodyElse) {
   Connection good(right, {});
   ASSERT_TRUE(good.wait_until_up(kLong)) << server.log();
   EXPECT_TRUE(good.request("$JS.API.INFO", "", 5s).came);
-  good.publish("pirt.task.r2", std::string_view("not its own"));
+  good.publish("pirt.offer.r2", Bytes(3));
   EXPECT_TRUE(good.request("$JS.API.INFO", "", 5s).came);
-  EXPECT_THAT(server.log(), HasSubstr("pirt.task.r2")) << "it may not, and the server says so";
+  EXPECT_THAT(server.log(), HasSubstr("pirt.offer.r2")) << "it may not, and the server says so";
   ConnectionOptions nobody = right;
   nobody.nkey = nobody.nkey_seed = "";
   EXPECT_FALSE(Connection(nobody, {}).wait_until_up(1s)) << "no key";

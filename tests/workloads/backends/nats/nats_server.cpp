@@ -14,8 +14,12 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
+
+#include "workloads/backends/nats/nats_backend.h"
 
 namespace pirt::cloud::test {
 namespace {
@@ -93,15 +97,14 @@ std::string nats_server_program() {
   return "";
 }
 
-NatsServer::NatsServer(std::string config) {
+NatsServer::NatsServer(const std::string& config, bool jetstream, const std::string& store) {
   std::string folder = (std::filesystem::temp_directory_path() / "pirt-nats-XXXXXX").string();
   if (::mkdtemp(folder.data()) == nullptr) throw std::runtime_error("no folder for a server");
   folder_ = folder;
   ::close(listen_anywhere(port_));
-  std::ofstream(folder_ / "server.conf")
-      << "listen: 127.0.0.1:" << port_ << "\njetstream { store_dir: \"" << folder_.string()
-      << "/store\" }\n"
-      << config;
+  std::ofstream file(folder_ / "server.conf");
+  file << "listen: 127.0.0.1:" << port_ << "\n" << config;
+  if (jetstream) file << "jetstream { store_dir: \"" << folder << "/store\"\n" << store << "}\n";
 }
 
 NatsServer::~NatsServer() {
@@ -209,63 +212,107 @@ namespace {
 
 class AddingComputer : public Computer {
  public:
-  std::vector<Tensor> compute(const Workload& workload, const SharedTensors& parameters,
-                              const Digest&, std::span<const Tensor> inputs, Nanos& took) override {
-    const auto in = inputs[0].as<std::uint8_t>();
+  void compute(const Call& call, ReplyMessage& reply) override {
+    const auto inputs = decode_tensors(call.inputs(), call.workload->inputs);
+    if (!inputs.value) throw std::runtime_error(inputs.problem);
+    int more = 1;
+    if (call.task.parameters) {
+      auto& known = parameters_[{call.task.spec, call.task.parameters->digest}];
+      if (known.empty()) {
+        auto bytes = call.parameters(reply);
+        if (!bytes) return;
+        known = std::move(*bytes);
+      }
+      const auto tensors = decode_tensors(known, call.workload->parameters);
+      more += tensors.value->at(0).as<std::uint8_t>()[0];
+    }
+    const auto in = inputs.value->at(0).as<std::uint8_t>();
     const Nanos pause = in[1] * 10ms;
     if (pause > 0ms) std::this_thread::sleep_for(pause);
     if (in[0] == static_cast<std::uint8_t>(Ask::kThrow)) throw std::runtime_error("boom");
     if (in[0] == static_cast<std::uint8_t>(Ask::kDie)) ::kill(::getpid(), SIGKILL);
-    auto outputs = make_tensors(workload.outputs);
-    const int more = 1 + (parameters == nullptr ? 0 : parameters->at(0).as<std::uint8_t>()[0]);
+    auto outputs = make_tensors(call.workload->outputs);
     const auto out = outputs[0].as<std::uint8_t>();
     for (std::size_t i = 0; i < in.size(); ++i) out[i] = static_cast<std::uint8_t>(in[i] + more);
-    took = pause;
-    return outputs;
+    reply.execute = pause;
+    reply.outputs = encode_tensors(outputs);
   }
-};
 
-Bytes input_of(const Workload& workload, const AddingTask& task) {
-  std::vector<Tensor> inputs = make_tensors(workload.inputs);
-  const auto x = inputs[0].as<std::uint8_t>();
-  for (std::size_t i = 0; i < x.size(); ++i) x[i] = static_cast<std::uint8_t>(task.value + i * 7);
-  x[0] = static_cast<std::uint8_t>(task.ask);
-  x[1] = task.tens_of_ms;
-  return encode_tensors(inputs);
-}
+ private:
+  std::map<std::pair<Digest, Digest>, Bytes> parameters_;
+};
 
 }  // namespace
 
 std::unique_ptr<Computer> make_adding_computer() { return std::make_unique<AddingComputer>(); }
 
-Submission make_submission(const Workload& workload, const AddingTask& task,
-                           std::uint8_t parameter) {
+std::vector<Tensor> adding_inputs(const Workload& workload, const AddingTask& task) {
+  std::vector<Tensor> inputs = make_tensors(workload.inputs);
+  const auto x = inputs[0].as<std::uint8_t>();
+  for (std::size_t i = 0; i < x.size(); ++i) x[i] = static_cast<std::uint8_t>(task.value + i * 7);
+  x[0] = static_cast<std::uint8_t>(task.ask);
+  x[1] = task.tens_of_ms;
+  return inputs;
+}
+
+Submission make_submission(const Workload& workload, const AddingTask& task) {
   Submission submission;
-  const Bytes tensors = input_of(workload, task);
-  TaskBody body{.workload = workload.name, .spec = spec_digest(workload), .tensors = tensors};
-  if (!workload.parameters.empty()) {
-    std::vector<Tensor> parameters = make_tensors(workload.parameters);
-    for (auto& each : parameters[0].as<std::uint8_t>()) each = parameter;
-    const auto bytes = std::make_shared<const Bytes>(encode_tensors(parameters));
-    submission.parameters = {.blob = {digest_of(*bytes), bytes->size(), 256 << 10}, .bytes = bytes};
-    body.parameters = submission.parameters->blob;
-  }
-  submission.body = std::make_shared<const Bytes>(encode(body));
+  submission.task.workload = workload.name;
+  submission.task.spec = spec_digest(workload);
+  submission.task.inputs = encode_tensors(adding_inputs(workload, task));
   return submission;
 }
 
-std::string check_outputs(const Workload& workload, const AddingTask& task, const Bytes& outputs,
+std::string check_outputs(const Workload& workload, const AddingTask& task, const Tensor& output,
                           std::uint8_t parameter) {
-  auto expected = decode_tensors(input_of(workload, task), workload.inputs);
-  const auto found = decode_tensors(outputs, workload.outputs);
-  if (!found.value) return found.problem;
-  const auto x = expected.value->at(0).as<std::uint8_t>();
-  const auto y = found.value->at(0).as<std::uint8_t>();
+  const auto expected = adding_inputs(workload, task);
+  const auto x = expected[0].as<std::uint8_t>(), y = output.as<std::uint8_t>();
   for (std::size_t i = 0; i < x.size(); ++i) {
     const auto right = static_cast<std::uint8_t>(x[i] + 1 + parameter);
     if (y[i] != right) return fmt::format("at {}: {} where {} is right", i, y[i], right);
   }
   return "";
+}
+
+std::string check_outputs(const Workload& workload, const AddingTask& task,
+                          const Payload& outputs) {
+  const auto found = decode_tensors(std::get<Bytes>(outputs), workload.outputs);
+  return found.value ? check_outputs(workload, task, found.value->at(0)) : found.problem;
+}
+
+std::string call_and_check(Kernel& kernel, const Workload& workload, const AddingTask& task,
+                           std::uint8_t parameter) {
+  const auto inputs = adding_inputs(workload, task);
+  auto outputs = make_tensors(workload.outputs);
+  kernel.bind(inputs, outputs);
+  std::string problem;
+  try {
+    kernel.upload();
+    static_cast<void>(kernel.execute(1));
+    kernel.download();
+    problem = check_outputs(workload, task, outputs[0], parameter);
+  } catch (const std::exception& error) {
+    problem = error.what();
+  }
+  kernel.unbind();
+  return problem;
+}
+
+std::vector<Tensor> parameters_of(const Workload& workload, std::uint8_t value) {
+  auto parameters = make_tensors(workload.parameters);
+  for (Tensor& tensor : parameters) {
+    for (auto& each : tensor.as<std::uint8_t>()) each = value;
+  }
+  return parameters;
+}
+
+std::unique_ptr<Device> open_unit(const std::string& url, const std::string& settings,
+                                  double patience_s) {
+  return make_nats_backend()->open({.unit = "cloud",
+                                    .cores = {},
+                                    .device = {},
+                                    .script = "server: " + url + "\n" + settings,
+                                    .options = {{"patience_s", patience_s}}});
 }
 
 void run_worker_process() {
@@ -276,8 +323,7 @@ void run_worker_process() {
   options.connection.reconnect_wait = 50ms;
   options.name = "process-" + std::to_string(::getpid());
   options.limits.slots = std::atoi(std::getenv("PIRT_TEST_SLOTS"));
-  options.limits.progress = 300ms;
-  options.limits.confirm = 1s;
+  options.progress = 300ms;
   options.hello = 300ms;
   options.make_computer = make_adding_computer;
   const WorkerLink worker(options, all);

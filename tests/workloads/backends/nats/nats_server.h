@@ -18,7 +18,8 @@
 
 #include "workloads/backends/nats/link/administration.h"
 #include "workloads/backends/nats/robot/robot_link.h"
-#include "workloads/backends/nats/worker/worker_link.h"
+#include "workloads/backends/nats/service/worker_link.h"
+#include "workloads/model/backend.h"
 
 namespace pirt::cloud::test {
 
@@ -39,7 +40,9 @@ template <typename Condition>
 class NatsServer {
  public:
   /// @param config  More of its configuration.
-  explicit NatsServer(std::string config = "");
+  /// @param store   More of that of its JetStream.
+  explicit NatsServer(const std::string& config = "", bool jetstream = true,
+                      const std::string& store = "");
   ~NatsServer();
   NatsServer(const NatsServer&) = delete;
   NatsServer& operator=(const NatsServer&) = delete;
@@ -100,17 +103,28 @@ enum class Ask : std::uint8_t {
                               std::int64_t parameters = 0);
 [[nodiscard]] std::unique_ptr<Computer> make_adding_computer();
 
-/// A task of one of them.
+/// A task of one of them, whose inputs fit into a message.
 struct AddingTask {
   Ask ask = Ask::kPlain;
   std::uint8_t tens_of_ms = 0;
   std::uint8_t value = 1;
 };
-[[nodiscard]] Submission make_submission(const Workload& workload, const AddingTask& task,
-                                         std::uint8_t parameter = 0);
+[[nodiscard]] Submission make_submission(const Workload& workload, const AddingTask& task);
+[[nodiscard]] std::vector<Tensor> adding_inputs(const Workload& workload, const AddingTask& task);
 /// What is wrong with its outputs; empty = nothing.
 [[nodiscard]] std::string check_outputs(const Workload& workload, const AddingTask& task,
-                                        const Bytes& outputs, std::uint8_t parameter = 0);
+                                        const Payload& outputs);
+[[nodiscard]] std::string check_outputs(const Workload& workload, const AddingTask& task,
+                                        const Tensor& output, std::uint8_t parameter = 0);
+/// Of a robot's whole call, as a device's user makes it: upload, execute, download.
+[[nodiscard]] std::string call_and_check(Kernel& kernel, const Workload& workload,
+                                         const AddingTask& task, std::uint8_t parameter = 0);
+/// Parameters of a workload, each byte @p value.
+[[nodiscard]] std::vector<Tensor> parameters_of(const Workload& workload, std::uint8_t value);
+/// A unit of role cloud. @param settings  More of its YAML.
+[[nodiscard]] std::unique_ptr<Device> open_unit(const std::string& url,
+                                                const std::string& settings = "",
+                                                double patience_s = 30);
 
 /// Runs until the environment's parent kills it: what the test program is started for again.
 void run_worker_process();

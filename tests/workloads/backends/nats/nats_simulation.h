@@ -1,5 +1,5 @@
-// A server of streams, robots and workers in virtual time, with all that can fail between them. The
-// robots' and workers' state machines are those of the program.
+// A server, robots and workers in virtual time, with all that can fail between them. The robots'
+// and workers' state machines are those of the program.
 #pragma once
 
 #include <cstdint>
@@ -16,12 +16,9 @@
 #include <vector>
 
 #include "workloads/backends/nats/robot/caller.h"
-#include "workloads/backends/nats/worker/attendant.h"
+#include "workloads/backends/nats/service/desk.h"
 
 namespace pirt::cloud::test {
-
-/// What the simulated robots submit: the first byte of a body.
-enum class Sort : std::uint8_t { kPlain, kPoisoned };
 
 struct SimulationOptions {
   std::uint64_t seed = 1;
@@ -29,17 +26,19 @@ struct SimulationOptions {
   int robots = 2, workers = 3, slots = 2;
   Nanos between_faults = std::chrono::seconds(2);
   Nanos between_tasks = std::chrono::seconds(4);  ///< Of each robot.
+  bool hedges = false;
 };
 
 struct SimulationResult {
   std::int64_t submitted = 0, done = 0, given_up = 0, returned = 0, withdrawn = 0;
-  std::int64_t poisoned = 0;
   std::int64_t ended_twice = 0;  ///< Has to be 0, as what follows.
   std::int64_t never_ended = 0;
-  std::int64_t ended_wrongly = 0;  ///< A sound task without a deadline not done, a poisoned one not
-                                   ///< given up.
-  std::size_t left_in_outboxes = 0, left_on_streams = 0;
-  std::int64_t sent_again = 0, late = 0, not_computed_again = 0, lost_by_server = 0;
+  /// A sound task without a deadline that was not done, though fewer than three workers died with
+  /// it; a poisoned one that was.
+  std::int64_t ended_wrongly = 0;
+  std::int64_t over_slots = 0;  ///< A worker had more than its slots.
+  std::size_t left_at_workers = 0;
+  std::int64_t sent_again = 0, hedged = 0, late = 0;
   std::map<std::string, std::int64_t> faults;
 };
 
@@ -49,41 +48,49 @@ class Simulation {
   SimulationResult run();
 
  private:
-  struct StoredTask {
-    std::string robot;
-    TaskMessage message;
-    Nanos stored_at{0}, hidden_until{0};
-    Delivery delivery = 0;
-  };
-  struct StoredReply {
-    ReplyMessage message;
-    Nanos stored_at{0}, hidden_until{0};
-  };
+  enum class Sort : std::uint8_t { kPlain, kPoisoned, kHeavy };
   struct Peer {  ///< A connection of a robot or a worker.
     bool cut = false, runs = true;
     int epoch = 0;
   };
+  struct Robot;
+  struct Events : CallerEvents {
+    Simulation* simulation = nullptr;
+    Robot* robot = nullptr;
+    void offer(std::uint32_t waiting) override;
+    void give(const GivenTask& given) override;
+    void give_nothing(std::uint64_t worker) override;
+    void missing(const TaskId& task) override;
+    void withdraw(const TaskId& task) override;
+    void end(const TaskId& task, CallEndKind how, const std::string& problem,
+             const ReplyMessage* reply) override;
+  };
   struct Robot {
     std::string name;
     Peer peer;
-    std::unique_ptr<Outbox> outbox;
+    Events events;
     std::unique_ptr<Caller> caller;
-    std::uint64_t run = 1, number = 0;
-    std::map<std::uint64_t, StoredReply> replies;  ///< On the server.
+    std::uint64_t run = 0, number = 0;
     Nanos wakes_at = Nanos::max();
+  };
+  struct Job {
+    Robot* robot = nullptr;
+    TaskId task;
+    std::uint32_t send = 0;
+    Nanos taken{0};
+    bool unwanted = false;
   };
   struct Worker {
     Peer peer;
-    int life = 0;
-    std::unique_ptr<Attendant> attendant;
-    std::map<TaskKey, Sort> sorts;
-    Nanos wakes_at = Nanos::max();
+    std::uint64_t instance = 0;
+    std::unique_ptr<Desk> desk;
+    std::map<std::uint64_t, Job> jobs;
   };
   struct Expected {
     Sort sort = Sort::kPlain;
-    bool deadline = false, keyed = false;
-    int ends = 0;
-    bool withdrawn = false;
+    bool deadline = false, withdrawn = false;
+    int ends = 0, deaths = 0;
+    std::set<std::uint64_t> at;  ///< Workers that have had it, by instance.
     std::optional<CallEndKind> end;
   };
 
@@ -93,28 +100,24 @@ class Simulation {
   [[nodiscard]] bool connected(const Peer& peer) const {
     return server_up_ && !peer.cut && peer.runs;
   }
-  /// Arrives unless the connection is lost meanwhile.
-  void carry(Peer& peer, std::function<void()> what);
+  /// From one to another, unless one of their connections is lost meanwhile.
+  void carry(Peer& from, Peer& to, std::function<void()> what);
+  void lose(Peer& peer) { ++peer.epoch; }
 
-  void count(const Robot& robot);
-  void count(const Worker& worker);
   void begin_robot(Robot& robot);
   void begin_worker(Worker& worker);
-  void reconnect(Peer& peer, Nanos after, std::function<void()> then);
-  void lose(Peer& peer);
-  void apply(Robot& robot, CallerActions actions);
-  void apply(Worker& worker, AttendantActions actions);
-  void publish(Robot& robot, const Publish& what);
-  void ended(Robot& robot, const TellEnd& end);
-  void run(Worker& worker, const TaskKey& key);
-  void store_reply(Worker& worker, const PublishReply& what);
-  void deliver_tasks();
-  void deliver_replies(Robot& robot);
+  void count_death(const Worker& worker);
+  void robot_up(Robot& robot);
+  void wake(Robot& robot);
+  void claim(Worker& worker);
+  void take(Worker& worker, Robot& robot, const GivenTask& given);
+  void reply(Worker& worker, const Job& job, ReplyKind kind);
   void announce();
-  void submit(Robot& robot, bool keyed);
+  void submit(Robot& robot);
   void fault();
-  void server_down(bool power_loss);
-  void check(SimulationResult& result) const;
+  void server_down();
+  void count(const Robot& robot);
+  void check();
 
   SimulationOptions options_;
   std::mt19937_64 random_;
@@ -128,20 +131,11 @@ class Simulation {
     }
   };
   std::priority_queue<Event> events_;
-  std::uint64_t sequence_ = 0;
-
-  bool server_up_ = true;
-  std::map<std::uint64_t, StoredTask> tasks_;
-  std::map<std::string, std::pair<std::uint64_t, Nanos>> ids_;  ///< By message id, for 2 minutes.
-  std::map<Delivery, std::uint64_t> deliveries_;
-  std::uint64_t stream_sequence_ = 0, delivery_ = 0;
-  bool pumping_ = false;
-
+  std::uint64_t sequence_ = 0, instances_ = 0, job_ = 0;
+  bool server_up_ = true, over_ = false;
   std::deque<Robot> robots_;
   std::deque<Worker> workers_;
-  std::map<TaskKey, Expected> expected_;
-  std::set<TaskKey> live_;  ///< Of expected_: neither ended nor withdrawn.
-  bool over_ = false;
+  std::map<std::pair<std::string, TaskId>, Expected> expected_;
   SimulationResult result_;
 };
 

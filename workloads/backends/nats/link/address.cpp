@@ -70,6 +70,12 @@ bool is_robot_name(std::string_view name) {
   });
 }
 
+void check_robot_name(std::string_view name) {
+  if (is_robot_name(name)) return;
+  throw_bad_input("robot '" + std::string(name) +
+                  "' cannot be called that; a name is made of letters, digits, '_' and '-'");
+}
+
 std::string public_url(const std::string& server) {
   const auto begin = server.find("://");
   const auto at = server.rfind('@');

@@ -1,8 +1,10 @@
 #include "workloads/backends/nats/link/administration.h"
 
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cctype>
 #include <utility>
 
 #include "workloads/backends/nats/wire/subjects.h"
@@ -12,53 +14,31 @@
 namespace pirt::cloud {
 namespace {
 
-constexpr std::int64_t kDay = std::chrono::nanoseconds(std::chrono::hours(24)).count();
-constexpr int kStreamNameExists = 10058;
-constexpr const char* kConsumerDelivered = "deliver_subject";
+constexpr int kNotFound = 10059;
+constexpr int kNameExists = 10058;
 
-struct Answer {
+struct AdminAnswer {
   Json json;
   int error = 0;  ///< JetStream's code; 0 = none.
-  std::string description = {};
+  std::string why = {};
 };
 
-Answer ask(Connection& connection, const std::string& api, const Json& what) {
-  const auto answer = connection.request("$JS.API." + api, json_text(what), Connection::kAnswer);
+AdminAnswer ask_server(Connection& connection, const std::string& api, const Json& what) {
+  const auto answer = connection.request("$JS.API." + api, json_text(what));
   if (!answer.came) {
     throw_environment("the server did not answer to " + api +
                       "; is it there, and may this user ask that (pirt cloud-admin permissions)?");
   }
-  if (answer.status != 0) {
-    throw_environment("the server has no JetStream; start it with -js, or `jetstream {}`");
-  }
-  auto json = try_parse_json(text_of(answer.data));
-  if (!json || !json->is_object()) {
-    throw_environment("the server's answer to " + api + " is no JSON");
-  }
-  Answer read{*std::move(json)};
-  if (read.json.contains("error") && read.json.at("error").is_object()) {
-    const Json& error = read.json.at("error");
-    read.error = error.value("err_code", 1);
-    read.description = error.value("description", "refused");
+  AdminAnswer read{try_parse_json(text_of(answer.data)).value_or(Json::object()), 0, {}};
+  const bool refused = answer.status != 0 || !read.json.is_object() || read.json.contains("error");
+  if (!refused) return read;
+  read.why = not_stored(answer);
+  read.error = 1;
+  if (answer.status != 0) throw_environment(read.why);
+  if (read.json.is_object() && read.json.contains("error") && read.json.at("error").is_object()) {
+    read.error = read.json.at("error").value("err_code", 1);
   }
   return read;
-}
-
-Json stream(const std::string& name, const std::vector<std::string>& subjects, const Setup& setup,
-            std::uint64_t bytes) {
-  return {{"name", name},
-          {"subjects", Json(subjects)},
-          {"retention", "workqueue"},
-          {"max_consumers", -1},
-          {"max_msgs", -1},
-          {"max_msgs_per_subject", -1},
-          {"max_bytes", bytes},
-          {"max_age", 7 * kDay},
-          {"max_msg_size", -1},
-          {"discard", "new"},
-          {"storage", setup.in_memory ? "memory" : "file"},
-          {"num_replicas", 1},
-          {"duplicate_window", std::chrono::nanoseconds(std::chrono::minutes(2)).count()}};
 }
 
 /// Whether it has all that was asked for.
@@ -68,146 +48,113 @@ bool is_within(const Json& asked, const Json& is) {
   });
 }
 
-std::string make_stream(Connection& connection, const Json& config) {
-  const auto name = config.at("name").get<std::string>();
-  const Answer known = ask(connection, "STREAM.INFO." + name, Json::object());
-  if (known.error == 0) {
-    if (is_within(config, known.json.at("config"))) return "";
-  }
-  const std::string api = known.error == 0 ? "STREAM.UPDATE." : "STREAM.CREATE.";
-  const Answer made = ask(connection, api + name, config);
-  if (made.error == kStreamNameExists) return "";  // Another one was faster.
+/// What is oldest goes first, and what is older than an hour: its robot sends it again, or is gone.
+Json stream_of(const std::string& robot, const Setup& setup) {
+  return {{"name", blob_stream(robot)},
+          {"subjects", Json(std::vector<std::string>{blob_subject(robot, "*", "*.*")})},
+          {"retention", "limits"},
+          {"max_msgs_per_subject", 1},
+          {"max_bytes", setup.robot_bytes},
+          {"max_age", Nanos(std::chrono::hours(1)).count()},
+          {"discard", "old"},
+          {"allow_direct", true},
+          {"storage", setup.in_memory ? "memory" : "file"},
+          {"num_replicas", 1}};
+}
+
+std::string make_stream(Connection& connection, const std::string& robot, const Setup& setup) {
+  const Json config = stream_of(robot, setup);
+  const std::string name = blob_stream(robot);
+  const AdminAnswer known = ask_server(connection, "STREAM.INFO." + name, Json::object());
+  if (known.error != 0 && known.error != kNotFound) throw_environment(name + ": " + known.why);
+  if (known.error == 0 && is_within(config, known.json.at("config"))) return "";
+  const char* const api = known.error == 0 ? "STREAM.UPDATE." : "STREAM.CREATE.";
+  const AdminAnswer made = ask_server(connection, api + name, config);
+  if (made.error == kNameExists) return "";  // Another one was faster.
   if (made.error != 0) {
-    throw_environment("stream " + name + ": " + made.description +
-                      "; if it was made otherwise, remove it first");
+    throw_environment(fmt::format(
+        "stream {} of {} MB: {}; or give each robot less (pirt cloud-admin setup --robot-mb); if "
+        "it was made otherwise, remove it first",
+        name, setup.robot_bytes >> 20, made.why));
   }
   return (known.error == 0 ? "changed stream " : "made stream ") + name;
 }
 
-std::string make_consumer(Connection& connection, const std::string& of, const Json& config) {
-  const auto name = config.at("durable_name").get<std::string>();
-  const Answer known = ask(connection, "CONSUMER.INFO." + of + "." + name, Json::object());
-  if (known.error == 0) {
-    if (is_within(config, known.json.at("config"))) return "";
-  }
-  const Answer made = ask(connection, "CONSUMER.DURABLE.CREATE." + of + "." + name,
-                          {{"stream_name", of}, {"config", config}});
-  if (made.error != 0) {
-    throw_environment("consumer " + name + " of stream " + of + ": " + made.description);
-  }
-  return (known.error == 0 ? "changed consumer " : "made consumer ") + name + " of " + of;
+/// "a", "b"
+std::string quoted_list(const std::vector<std::string>& subjects) {
+  return fmt::format("\"{}\"", fmt::join(subjects, "\", \""));
 }
 
-Json consumer(const std::string& name, Nanos redelivered) {
-  return {{"durable_name", name},     {"deliver_policy", "all"},
-          {"ack_policy", "explicit"}, {"ack_wait", redelivered.count()},
-          {"max_deliver", -1},        {"replay_policy", "instant"},
-          {"max_ack_pending", 10000}};
+std::string user_with(const std::string& name, const std::string& variable,
+                      const std::vector<std::string>& publish,
+                      const std::vector<std::string>& subscribe) {
+  return fmt::format(
+      "    {{ user: \"{}\", password: ${}, permissions: {{\n"
+      "        publish: {{ allow: [{}] }}\n"
+      "        subscribe: {{ allow: [{}] }} }} }}\n",
+      name, variable, quoted_list(publish), quoted_list(subscribe));
 }
 
 }  // namespace
 
 std::vector<std::string> set_up(Connection& connection, const Setup& setup) {
-  for (const std::string& robot : setup.robots) {
-    if (!is_robot_name(robot)) {
-      throw_bad_input("robot '" + robot +
-                      "' cannot be called that; a name is made of letters, digits, '_' and '-'");
-    }
-  }
+  for (const std::string& robot : setup.robots) check_robot_name(robot);
   std::vector<std::string> done;
-  const auto note = [&](std::string line) {
-    if (!line.empty()) done.push_back(std::move(line));
-  };
-  note(make_stream(connection, stream(kTaskStream, {task_subject("*")}, setup, setup.task_bytes)));
-  note(make_stream(connection, stream(kWithdrawStream, {withdraw_subject("*")}, setup,
-                                      std::uint64_t{16} << 20)));
-  note(make_stream(connection,
-                   stream(kReplyStream, {reply_subject("*")}, setup, setup.reply_bytes)));
-  Json blobs = stream(kBlobStream, {"pirt.in.*.*.*", "pirt.par.*.*.*", "pirt.out.*.*.*"}, setup,
-                      setup.blob_bytes);
-  blobs["retention"] = "limits";
-  blobs["max_msgs_per_subject"] = 1;
-  blobs["max_age"] = kDay;
-  blobs["allow_direct"] = true;
-  note(make_stream(connection, blobs));
-  note(make_consumer(connection, kTaskStream, consumer(kWorkers, setup.redelivered)));
-  note(make_consumer(connection, kWithdrawStream, consumer(kWorkers, setup.redelivered)));
   for (const std::string& robot : setup.robots) {
-    Json replies = consumer(robot_consumer(robot), std::chrono::seconds(30));
-    replies["filter_subject"] = reply_subject(robot);
-    replies[kConsumerDelivered] = deliver_subject(robot);
-    note(make_consumer(connection, kReplyStream, replies));
+    if (std::string line = make_stream(connection, robot, setup); !line.empty()) {
+      done.push_back(std::move(line));
+    }
   }
   return done;
 }
 
 void remove_robot(Connection& connection, const std::string& robot) {
-  const Answer removed =
-      ask(connection, fmt::format("CONSUMER.DELETE.{}.{}", kReplyStream, robot_consumer(robot)),
-          Json::object());
-  if (removed.error != 0) throw_environment("robot " + robot + ": " + removed.description);
+  const auto removed =
+      ask_server(connection, "STREAM.DELETE." + blob_stream(robot), Json::object());
+  if (removed.error != 0) throw_environment("robot " + robot + ": " + removed.why);
 }
 
-std::string what_is_missing(Connection& connection, const std::string& robot) {
-  const std::string remedy = "; an administrator runs `pirt cloud-admin setup --robots " +
-                             (robot.empty() ? "NAME,..." : robot) + "`";
-  const std::string name = robot.empty() ? kWorkers : robot_consumer(robot);
-  const char* const of = robot.empty() ? kTaskStream : kReplyStream;
-  const Answer known =
-      ask(connection, fmt::format("CONSUMER.INFO.{}.{}", of, name), Json::object());
-  if (known.error == 0) return "";
-  return fmt::format("consumer {} of stream {}: {}{}", name, of, known.description, remedy);
+RobotStream read_stream_info(const Connection::Answer& answer, const std::string& robot) {
+  const auto json = try_parse_json(text_of(answer.data));
+  if (json && json->is_object() && json->contains("config")) {
+    const Json& config = json->at("config");
+    if (config.is_object() && config.contains("max_bytes") &&
+        config.at("max_bytes").is_number_unsigned()) {
+      return {config.at("max_bytes").get<std::uint64_t>(), ""};
+    }
+  }
+  const std::string why = not_stored(answer);
+  if (why.find("JetStream") != std::string::npos) return {0, why};
+  return {0, fmt::format("no stream for robot '{}'; run `pirt cloud-admin setup --robots {}`",
+                         robot, robot)};
 }
 
 std::string permissions(std::span<const std::string> robots) {
-  const auto list = [](const std::vector<std::string>& subjects) {
-    std::string text = "[";
-    for (const std::string& subject : subjects) {
-      text += (text.size() > 1 ? ", \"" : "\"") + subject + "\"";
-    }
-    return text + "]";
-  };
-  const auto user = [&](const std::string& name, const std::string& variable,
-                        const std::vector<std::string>& publish,
-                        const std::vector<std::string>& subscribe) {
-    return fmt::format(
-        "    {{ user: \"{}\", password: ${}, permissions: {{\n"
-        "        publish: {{ allow: {} }}\n"
-        "        subscribe: {{ allow: {} }} }} }}\n",
-        name, variable, list(publish), list(subscribe));
-  };
   std::string text =
       "# Who may say what (pirt cloud-admin permissions). A password is an environment variable of "
       "the server.\n"
       "authorization {\n  users = [\n"
       "    { user: \"admin\", password: $PIRT_ADMIN }\n";
-  text += user("worker", "PIRT_WORKER",
-               {"pirt.reply.*", "pirt.running.*", "pirt.hello", "pirt.gone.*", "pirt.out.*.*.*",
-                "$JS.API.CONSUMER.MSG.NEXT.PIRT_TASKS.workers",
-                "$JS.API.CONSUMER.MSG.NEXT.PIRT_WITHDRAWN.workers",
-                "$JS.API.CONSUMER.INFO.PIRT_TASKS.workers", "$JS.ACK.PIRT_TASKS.workers.>",
-                "$JS.ACK.PIRT_WITHDRAWN.workers.>", "$JS.API.DIRECT.GET.PIRT_BLOBS.>",
-                "$JS.API.STREAM.MSG.GET.PIRT_TASKS", "$JS.API.STREAM.MSG.DELETE.PIRT_TASKS",
-                "$JS.API.STREAM.PURGE.PIRT_BLOBS"},
-               {"_INBOX.>", "pirt.gone.*"});
+  text += user_with(
+      "worker", "PIRT_WORKER",
+      {kHelloSubject, "pirt.claim.*", "pirt.answer.*", "pirt.blob.*.out.*.*",
+       "$JS.API.DIRECT.GET.*.pirt.blob.*.in.*.*", "$JS.API.DIRECT.GET.*.pirt.blob.*.par.*.*"},
+      {"pirt.offer.*", "pirt.task.*.*", "pirt.cancel.*", "_INBOX.>"});
   for (const std::string& robot : robots) {
-    if (!is_robot_name(robot)) {
-      throw_bad_input("robot '" + robot +
-                      "' cannot be called that; a name is made of letters, digits, '_' and '-'");
-    }
+    check_robot_name(robot);
     std::string variable = "PIRT_ROBOT_";
     for (const char c : robot) {
-      variable += c == '-' ? '_' : static_cast<char>(c >= 'a' && c <= 'z' ? c - 'a' + 'A' : c);
+      variable += c == '-' ? '_' : static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
     }
-    const std::string own = robot;
-    text +=
-        user(robot, variable,
-             {task_subject(own), withdraw_subject(own), "pirt.in." + own + ".*.*",
-              "pirt.par." + own + ".*.*",
-              fmt::format("$JS.ACK.{}.{}.>", kReplyStream, robot_consumer(own)),
-              fmt::format("$JS.API.CONSUMER.INFO.{}.{}", kReplyStream, robot_consumer(own)),
-              fmt::format("$JS.API.DIRECT.GET.{}.pirt.out.{}.>", kBlobStream, own)},
-             {deliver_subject(own), running_subject(own), kHelloSubject, "_INBOX_" + own + ".>"});
+    const std::string stream = blob_stream(robot);
+    text += user_with(
+        robot, variable,
+        {subject("offer", robot), subject("task", robot) + ".*", subject("cancel", robot),
+         blob_subject(robot, "in", "*.*"), blob_subject(robot, "par", "*.*"),
+         "$JS.API.STREAM.INFO." + stream, "$JS.API.STREAM.PURGE." + stream,
+         fmt::format("$JS.API.DIRECT.GET.{}.{}", stream, blob_subject(robot, "out", "*.*"))},
+        {kHelloSubject, subject("claim", robot), subject("answer", robot),
+         "_INBOX_" + robot + ".>"});
   }
   return text + "  ]\n}\n";
 }

@@ -1,4 +1,5 @@
-// What an administrator does once: streams and consumers, which robots may neither make nor change.
+// What an administrator does once: a stream for each robot, which robots may neither make nor
+// change, and what each may say.
 #pragma once
 
 #include <cstdint>
@@ -12,24 +13,28 @@ namespace pirt::cloud {
 
 struct Setup {
   std::vector<std::string> robots = {"robot"};
-  std::uint64_t task_bytes = std::uint64_t{256} << 20;   ///< Of the stream of tasks,
-  std::uint64_t reply_bytes = std::uint64_t{256} << 20;  ///< of replies,
-  std::uint64_t blob_bytes = std::uint64_t{2} << 30;     ///< and of what is larger.
-  Nanos redelivered = std::chrono::seconds(30);  ///< After a worker was last heard of a task.
-  bool in_memory = false;                        ///< For tests and benchmarks.
+  /// What each robot may have on the server: calls and parameters that are larger than a message.
+  std::uint64_t robot_bytes = std::uint64_t{512} << 20;
+  bool in_memory = false;  ///< For tests and benchmarks.
 };
 
-/// Makes the streams and consumers that are missing, and changes those that are otherwise.
+/// Makes the streams that are missing, and changes those that are otherwise.
 /// @return  One line for each that it made or changed.
 /// @throws Error{kBadInput} for names that robots cannot have; Error{kEnvironment} if there is no
-/// server, or it refuses.
+/// server, or it refuses, with the remedy.
 std::vector<std::string> set_up(Connection& connection, const Setup& setup);
 
-/// Removes the robot's consumer: what is for it stays until its time is over.
+/// Removes the robot's stream, with all that is on it.
 void remove_robot(Connection& connection, const std::string& robot);
 
-/// What is missing for a worker or a robot (empty = a worker), in one line; empty = nothing.
-[[nodiscard]] std::string what_is_missing(Connection& connection, const std::string& robot);
+/// What STREAM.INFO said of a robot's stream.
+struct RobotStream {
+  std::uint64_t most_bytes = 0;
+  std::string missing =
+      {};  ///< Why it cannot be used, in one line with the remedy; empty = it can.
+};
+[[nodiscard]] RobotStream read_stream_info(const Connection::Answer& answer,
+                                           const std::string& robot);
 
 /// The `authorization` part of a server's configuration: an administrator, workers, and each robot
 /// bound to its own subjects. Names users whose passwords are environment variables of the server

@@ -1,8 +1,10 @@
 #include "workloads/backends/nats/link/blobs.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
-#include <array>
 #include <atomic>
+#include <cstring>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -19,93 +21,104 @@ constexpr std::uint32_t kWindow = 4;  ///< Chunks under way.
 
 /// Calls @p work with each number below @p count, some at a time, until one says no.
 /// @param work  bool(std::uint32_t)
+/// @return  Whether all said yes.
 template <typename Work>
-void in_window(std::uint32_t count, const Work& work) {
-  std::atomic<std::uint32_t> next = 0;
+bool in_window(std::uint32_t count, const Work& work) {
+  std::atomic<std::uint32_t> next = 0, done = 0;
   std::atomic<bool> goes_on = true;
   const auto run = [&] {
     while (goes_on) {
       const std::uint32_t number = next++;
       if (number >= count) return;
-      if (!work(number)) goes_on = false;
+      if (work(number)) {
+        ++done;
+      } else {
+        goes_on = false;
+      }
     }
   };
-  std::vector<std::jthread> others;
-  for (std::uint32_t i = 1; i < std::min(kWindow, count); ++i) others.push_back(start_thread(run));
-  run();
+  {
+    std::vector<std::jthread> others;
+    for (std::uint32_t i = 1; i < std::min(kWindow, count); ++i) {
+      others.push_back(start_thread(run));
+    }
+    run();
+  }
+  return done == count;
+}
+
+/// Asks until there is an answer, as long as that may help.
+Connection::Answer ask(Connection& connection, const std::string& subject, ByteView data,
+                       const std::function<bool()>& stop) {
+  const MachineClock clock;
+  for (const Nanos begin = clock.now(); !stop() && clock.now() - begin < kNoStep;) {
+    auto answer = connection.request(subject, data);
+    if (answer.came) return answer;
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  return {};
+}
+
+std::span<std::byte> part(std::span<std::byte> bytes, std::uint32_t chunk_bytes,
+                          std::uint32_t number) {
+  const std::size_t from = std::size_t{number} * chunk_bytes;
+  return bytes.subspan(from, std::min<std::size_t>(chunk_bytes, bytes.size() - from));
 }
 
 }  // namespace
 
-Put put_blob(Connection& connection, const std::string& prefix, ByteView bytes,
-             std::uint32_t chunk_bytes, const std::function<bool()>& stop, std::uint32_t first) {
-  const auto chunks = static_cast<std::uint32_t>((bytes.size() + chunk_bytes - 1) / chunk_bytes);
-  if (first >= chunks) first = 0;
+std::string put_blob(Connection& connection, const std::string& prefix, ByteView bytes,
+                     std::uint32_t chunk_bytes, const std::function<bool()>& stop) {
+  if (chunk_bytes < kLeastChunkBytes || chunk_bytes > connection.most_payload()) {
+    return connection.why_no_chunks();
+  }
   std::mutex mutex;
-  Put put;
-  std::vector<bool> stored(chunks, false);
-  const auto fail = [&](std::string problem) {
-    const std::lock_guard lock(mutex);
-    if (put.problem.empty()) put.problem = std::move(problem);
-    return false;
-  };
-  in_window(chunks - first, [&](std::uint32_t behind) {
-    const std::uint32_t number = first + behind;
+  std::string problem;
+  const auto count = static_cast<std::uint32_t>((bytes.size() + chunk_bytes - 1) / chunk_bytes);
+  const bool all = in_window(count, [&](std::uint32_t number) {
     const std::size_t from = std::size_t{number} * chunk_bytes;
-    const ByteView chunk =
-        bytes.subspan(from, std::min<std::size_t>(chunk_bytes, bytes.size() - from));
-    while (true) {
-      if (stop()) return fail("stopped");
-      const auto answer =
-          connection.request(prefix + "." + std::to_string(number), chunk, Connection::kAnswer);
-      if (!answer.came) {  // Goes on where it was once there is a link.
-        static_cast<void>(connection.wait_until_up(std::chrono::milliseconds(100)));
-        continue;
-      }
-      const Stored taken = read_stored(answer.status, answer.data);
-      if (!taken.ok) return fail("stream " + std::string(kBlobStream) + ": " + taken.problem);
-      const std::lock_guard lock(mutex);
-      stored[number] = true;
-      return true;
-    }
+    const auto answer =
+        ask(connection, prefix + "." + std::to_string(number),
+            bytes.subspan(from, std::min<std::size_t>(chunk_bytes, bytes.size() - from)), stop);
+    const std::string why = answer.came
+                                ? not_stored(answer)
+                                : "nothing stored what was sent to " + prefix +
+                                      ".N; is the server there, and "
+                                      "may this user say that (pirt cloud-admin permissions)?";
+    if (why.empty()) return true;
+    const std::lock_guard lock(mutex);
+    if (problem.empty()) problem = why;
+    return false;
   });
-  put.stored = first;
-  while (put.stored < chunks && stored[put.stored]) ++put.stored;
-  return put;
+  return all || !problem.empty() ? problem : "no memory was left to send it";
 }
 
-Fetched fetch_blob(Connection& connection, const std::string& prefix, const Blob& blob,
-                   const std::function<bool()>& stop) {
-  Fetched fetched;
-  const std::string direct = "$JS.API.DIRECT.GET." + std::string(kBlobStream) + "." + prefix + ".";
-  for (std::uint32_t first = 0; first < blob.chunks(); first += kWindow) {
-    if (stop()) return {};
-    std::array<Connection::Answer, kWindow> answers;
-    const std::uint32_t count = std::min(kWindow, blob.chunks() - first);
-    in_window(count, [&](std::uint32_t i) {
-      answers[i] = connection.request(direct + std::to_string(first + i), "", Connection::kAnswer);
-      return answers[i].came && answers[i].status == 0;
-    });
-    for (std::uint32_t i = 0; i < count; ++i) {
-      const Connection::Answer& answer = answers[i];
-      if (!answer.came || answer.status == kNobody) return {};
-      const std::uint64_t left = blob.size_bytes - fetched.bytes.size();
-      if (answer.status != 0) return {Fetched::How::kMissing, {}};
-      if (answer.data.size() != std::min<std::uint64_t>(left, blob.chunk_bytes)) {
-        return {Fetched::How::kDamaged, {}};
-      }
-      fetched.bytes.insert(fetched.bytes.end(), answer.data.begin(), answer.data.end());
+Fetched fetch_blob(Connection& connection, const std::string& robot, const std::string& prefix,
+                   const Blob& blob, const std::function<bool()>& stop) {
+  Fetched fetched{Fetched::How::kWhole, Bytes(static_cast<std::size_t>(blob.size_bytes))};
+  const std::string direct = fmt::format("$JS.API.DIRECT.GET.{}.{}.", blob_stream(robot), prefix);
+  std::atomic<Fetched::How> how = Fetched::How::kWhole;
+  const bool all = in_window(blob.chunks(), [&](std::uint32_t number) {
+    const auto answer = ask(connection, direct + std::to_string(number), {}, stop);
+    const auto to = part(fetched.bytes, blob.chunk_bytes, number);
+    if (!answer.came || answer.status == kNobody) {
+      how = Fetched::How::kNoAnswer;
+    } else if (answer.status != 0 || answer.data.size() != to.size()) {
+      how = Fetched::How::kMissing;
+    } else {
+      std::memcpy(to.data(), answer.data.data(), to.size());
+      return true;
     }
-  }
-  const bool same = digest_of(fetched.bytes) == blob.digest;
-  if (!same) return {Fetched::How::kDamaged, {}};
-  fetched.how = Fetched::How::kWhole;
+    return false;
+  });
+  if (how != Fetched::How::kWhole) return {how, {}};
+  if (!all || digest_of(fetched.bytes) != blob.digest) return {Fetched::How::kMissing, {}};
   return fetched;
 }
 
-void remove_blob(Connection& connection, const std::string& prefix) {
-  connection.publish("$JS.API.STREAM.PURGE." + std::string(kBlobStream),
-                     json_text(Json::object({{"filter", prefix + ".>"}})),
+void remove_blob(Connection& connection, const std::string& robot, const std::string& prefix) {
+  const std::string text = json_text(Json::object({{"filter", prefix + ".>"}}));
+  connection.publish("$JS.API.STREAM.PURGE." + blob_stream(robot), std::as_bytes(std::span(text)),
                      connection.inbox() + ".purged");
 }
 

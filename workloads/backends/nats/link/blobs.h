@@ -1,7 +1,6 @@
-// What is larger than a message: chunks on a stream, a window of them under way at a time.
+// What is larger than a message: chunks on the robot's stream, some of them under way at a time.
 #pragma once
 
-#include <cstdint>
 #include <functional>
 #include <string>
 
@@ -9,26 +8,25 @@
 
 namespace pirt::cloud {
 
-struct Put {
-  std::string problem = {};  ///< In one line; empty = it is there.
-  std::uint32_t stored = 0;  ///< All chunks before it are.
-};
-/// Puts a blob's chunks on the stream under "PREFIX.N", some at a time, and goes on where it was
-/// after a lost link.
-/// @param first  Those before it are there already.
-[[nodiscard]] Put put_blob(Connection& connection, const std::string& prefix, ByteView bytes,
-                           std::uint32_t chunk_bytes, const std::function<bool()>& stop,
-                           std::uint32_t first = 0);
+/// After so long without a step it is given up, with a link or without.
+inline constexpr Nanos kNoStep = std::chrono::seconds(30);
+
+/// Puts a blob's chunks on the stream under "PREFIX.N", and goes on where it was after a lost link.
+/// @return  The problem in one line, with the remedy; empty = it is there.
+[[nodiscard]] std::string put_blob(Connection& connection, const std::string& prefix,
+                                   ByteView bytes, std::uint32_t chunk_bytes,
+                                   const std::function<bool()>& stop);
 
 struct Fetched {
-  enum class How : std::uint8_t { kWhole, kMissing, kDamaged, kNoAnswer };
+  enum class How : std::uint8_t { kWhole, kMissing, kNoAnswer };  ///< kMissing: or damaged.
   How how = How::kNoAnswer;
   Bytes bytes = {};
 };
-/// Reads it from there. Nothing is allocated beyond what has come.
-[[nodiscard]] Fetched fetch_blob(Connection& connection, const std::string& prefix,
-                                 const Blob& blob, const std::function<bool()>& stop);
-/// Removes all chunks under the prefix; nobody waits for it.
-void remove_blob(Connection& connection, const std::string& prefix);
+/// @param blob  Of a size that the caller has judged: so much is allocated.
+[[nodiscard]] Fetched fetch_blob(Connection& connection, const std::string& robot,
+                                 const std::string& prefix, const Blob& blob,
+                                 const std::function<bool()>& stop);
+/// Removes all chunks under the prefix from the robot's stream; nobody waits for it.
+void remove_blob(Connection& connection, const std::string& robot, const std::string& prefix);
 
 }  // namespace pirt::cloud

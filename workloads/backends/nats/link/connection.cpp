@@ -5,10 +5,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cctype>
 #include <condition_variable>
 #include <cstdlib>
-#include <cstring>
-#include <filesystem>
 #include <mutex>
 #include <utility>
 #include <vector>
@@ -24,6 +23,7 @@ namespace {
 constexpr std::size_t kStandardPayload = std::size_t{1} << 20;
 constexpr std::size_t kHead = 4096;  ///< Of a message: subject, id, what a frame adds.
 constexpr std::size_t kLargestChunk = std::size_t{512} << 10;
+constexpr std::size_t kMostMessage = std::size_t{64} << 20;  ///< More no server takes.
 /// For the library's threads to have seen the end.
 constexpr Nanos kEnd = std::chrono::seconds(5);
 /// Until a connection that the library has given up is made anew.
@@ -78,10 +78,17 @@ struct Connection::State {
   std::mutex opening;  ///< Who makes a handle or a subscription; before the other one.
   std::mutex mutex;    ///< Of what follows.
   std::condition_variable_any changed;
-  std::shared_ptr<natsConnection> handle;               ///< Null before the first one is there.
-  std::vector<std::pair<std::string, Handler>> wanted;  ///< What is subscribed to,
-  std::vector<natsSubscription*> subscriptions;         ///< and how, over the handle.
-  bool closed = false;                                  ///< The handle, by us or by the library.
+  std::shared_ptr<natsConnection> handle;  ///< Null before the first one is there.
+  std::string
+      refusal;  ///< What the first try of the handle came to; the library keeps no later one.
+  struct Wanted {
+    std::string subject;
+    Handler handler;
+    std::int64_t most_bytes = 0;
+  };
+  std::vector<Wanted> wanted;                    ///< What is subscribed to,
+  std::vector<natsSubscription*> subscriptions;  ///< and how, over the handle.
+  bool closed = false;                           ///< The handle, by us or by the library.
   int dispatching = 0;  ///< Subscriptions whose last message may not have been handled.
 
   [[nodiscard]] std::shared_ptr<natsConnection> current() {
@@ -122,20 +129,28 @@ struct Connection::State {
                        void* closure) {
     State& state = of(closure);
     if (!state.events.problem) return;
+    const std::string last = last_error(connection);
+    state.events.problem(natsStatus_GetText(status) + (last.empty() ? "" : ": " + last));
+  }
+  static std::string last_error(natsConnection* connection) {
     const char* last = nullptr;
-    std::string text = natsStatus_GetText(status);
-    if (natsConnection_GetLastError(connection, &last) != NATS_OK && last != nullptr &&
-        *last != 0) {
-      text += ": " + std::string(last);
-    }
-    state.events.problem(text);
+    if (natsConnection_GetLastError(connection, &last) == NATS_OK || last == nullptr) return "";
+    return last;
   }
   static void on_message(natsConnection*, natsSubscription*, natsMsg* raw, void* closure) {
     const MessagePtr message(raw);
     const auto& subscription = *static_cast<Subscription*>(closure);
     const char* const reply = natsMsg_GetReply(raw);
-    subscription.handler(
-        {natsMsg_GetSubject(raw), reply == nullptr ? "" : reply, data_of(raw), status_of(raw)});
+    // The library is C: nothing may be thrown through it.
+    std::string problem;
+    try {
+      return subscription.handler(
+          {natsMsg_GetSubject(raw), reply == nullptr ? "" : reply, data_of(raw), status_of(raw)});
+    } catch (const std::exception& error) {
+      problem = error.what();
+    }
+    const Shared state = subscription.state.lock();
+    if (state && state->events.problem) state->events.problem("a message was dropped: " + problem);
   }
   static void on_complete(void* closure) {
     const auto* const subscription = static_cast<Subscription*>(closure);
@@ -148,7 +163,7 @@ struct Connection::State {
   }
 
   static void open(const Shared& state);
-  static void subscribe(const Shared& state, const std::string& subject, const Handler& handler);
+  static void subscribe(const Shared& state, const Wanted& wanted);
   static void keep_open(const std::stop_token& stop, const Shared& state);
   bool forget_handle(std::unique_lock<std::mutex>& lock);
 };
@@ -176,6 +191,8 @@ Options make_options(const ConnectionOptions& options) {
   set(natsOptions_SetPingInterval(raw, 5000));
   set(natsOptions_SetMaxPingsOut(raw, 2));
   set(natsOptions_SetSendAsap(raw, true));
+  // What is said while there is no link is said again by whoever said it.
+  set(natsOptions_SetReconnectBufSize(raw, 256 << 10));
   set(natsOptions_SetFailRequestsOnDisconnect(raw, true));
   set(natsOptions_SetIgnoreDiscoveredServers(raw, true));  // nobody vouches for those
   if (url.scheme == "tls" || !options.ca.empty()) {
@@ -199,6 +216,18 @@ Options make_options(const ConnectionOptions& options) {
   return made;
 }
 
+/// What a try that the library does not repeat comes to: of those that it does it keeps nothing.
+std::string why_refused(const ConnectionOptions& options) {
+  const Options once = make_options(options);
+  natsConnection* connection = nullptr;
+  if (natsConnection_Connect(&connection, once.get()) == NATS_OK) {
+    natsConnection_Destroy(connection);
+    return "";
+  }
+  const char* const last = nats_GetLastError(nullptr);
+  return last == nullptr ? "" : last;
+}
+
 }  // namespace
 
 /// Makes a handle, with all subscriptions.
@@ -217,33 +246,35 @@ void Connection::State::open(const Shared& state) {
   if (status != NATS_OK && status != NATS_NOT_YET_CONNECTED) {
     throw_unless(status, "server '" + public_url(state->options.server) + "'");
   }
+  const std::string refusal = status == NATS_OK ? "" : why_refused(state->options);
   void* const given = closure.release();
-  std::vector<std::pair<std::string, Handler>> wanted;
+  std::vector<Wanted> wanted;
   {
     const std::lock_guard lock(state->mutex);
     state->handle.reset(connection, natsConnection_Destroy);
+    state->refusal = refusal;
     wanted = state->wanted;
   }
-  for (const auto& [subject, handler] : wanted) subscribe(state, subject, handler);
+  for (const Wanted& each : wanted) subscribe(state, each);
   if (status == NATS_OK) State::on_up(connection, given);
 }
 
-void Connection::State::subscribe(const Shared& state, const std::string& subject,
-                                  const Handler& handler) {
+void Connection::State::subscribe(const Shared& state, const Wanted& wanted) {
   auto subscription = std::make_unique<Subscription>();
   subscription->state = state;
-  subscription->handler = handler;
+  subscription->handler = wanted.handler;
+  const auto set = [&](natsStatus status) {
+    throw_unless(status, "subscription to " + wanted.subject);
+  };
   natsSubscription* made = nullptr;
-  throw_unless(natsConnection_Subscribe(&made, state->current().get(), subject.c_str(),
-                                        &State::on_message, subscription.get()),
-               "subscription to " + subject);
-  throw_unless(natsSubscription_SetPendingLimits(made, -1, -1), "subscription to " + subject);
+  set(natsConnection_Subscribe(&made, state->current().get(), wanted.subject.c_str(),
+                               &State::on_message, subscription.get()));
+  set(natsSubscription_SetPendingLimits(made, -1, static_cast<int>(wanted.most_bytes)));
   {
     const std::lock_guard lock(state->mutex);
     ++state->dispatching;
   }
-  throw_unless(natsSubscription_SetOnCompleteCB(made, &State::on_complete, subscription.get()),
-               "subscription to " + subject);
+  set(natsSubscription_SetOnCompleteCB(made, &State::on_complete, subscription.get()));
   static_cast<void>(subscription.release());  // on_complete deletes it
   const std::lock_guard lock(state->mutex);
   state->subscriptions.push_back(made);
@@ -323,59 +354,66 @@ bool Connection::is_up() const { return state_->up; }
 
 const std::string& Connection::inbox() const { return state_->inbox; }
 
-void Connection::subscribe(const std::string& subject, Handler handler) {
-  const std::lock_guard one_at_a_time(state_->opening);
+std::string Connection::why_down() const {
+  if (is_up()) return "";
+  std::string said;
   {
     const std::lock_guard lock(state_->mutex);
-    state_->wanted.emplace_back(subject, handler);
+    said = state_->refusal;
+  }
+  const auto says = [&](std::string_view what) {
+    return std::ranges::search(said, what, [](char a, char b) {
+             return std::tolower(static_cast<unsigned char>(a)) == b;
+           }).begin() != said.end();
+  };
+  if (says("maximum connections")) {
+    return "it has as many connections as it may have; raise max_connections there";
+  }
+  if (says("authorization") || says("authentication")) {
+    return "it does not let this user in (" + said +
+           "); check user and password, NKey or certificate";
+  }
+  return (said.empty() ? "" : said + "; ") + "start one (nats-server -js), or name another";
+}
+
+std::string Connection::why_no_chunks() const {
+  return fmt::format("max_payload of the server is {} bytes; give it {} or more", most_payload(),
+                     kLeastPayload);
+}
+
+void Connection::subscribe(const std::string& subject, Handler handler, std::int64_t most_bytes) {
+  const std::lock_guard one_at_a_time(state_->opening);
+  const State::Wanted wanted{subject, std::move(handler), most_bytes};
+  {
+    const std::lock_guard lock(state_->mutex);
+    state_->wanted.push_back(wanted);
     if (state_->closed) return;  // With the next handle.
   }
-  State::subscribe(state_, subject, handler);
+  State::subscribe(state_, wanted);
 }
 
-bool Connection::publish(const std::string& subject, ByteView data, const std::string& reply,
-                         const std::string& id) {
-  natsMsg* raw = nullptr;
-  if (natsMsg_Create(&raw, subject.c_str(), reply.empty() ? nullptr : reply.c_str(),
-                     reinterpret_cast<const char*>(data.data()),
-                     static_cast<int>(data.size())) != NATS_OK) {
-    return false;
-  }
-  const MessagePtr message(raw);
-  if (!id.empty() && natsMsgHeader_Set(raw, "Nats-Msg-Id", id.c_str()) != NATS_OK) return false;
+bool Connection::publish(const std::string& subject, ByteView data, const std::string& reply) {
   const auto handle = state_->current();
-  return handle != nullptr && natsConnection_PublishMsg(handle.get(), raw) == NATS_OK;
+  const auto size = static_cast<int>(std::min(data.size(), kMostMessage));
+  if (handle == nullptr || data.size() > kMostMessage) return false;
+  const auto* const bytes = reinterpret_cast<const char*>(data.data());
+  return (reply.empty() ? natsConnection_Publish(handle.get(), subject.c_str(), bytes, size)
+                        : natsConnection_PublishRequest(handle.get(), subject.c_str(),
+                                                        reply.c_str(), bytes, size)) == NATS_OK;
 }
 
-bool Connection::publish(const std::string& subject, std::string_view text,
-                         const std::string& reply) {
-  return publish(subject, std::as_bytes(std::span(text)), reply, "");
-}
-
-Connection::Answer Connection::request(const std::string& subject, ByteView data, Nanos most,
-                                       const std::string& id) {
-  natsMsg* raw = nullptr;
-  if (!is_up() ||
-      natsMsg_Create(&raw, subject.c_str(), nullptr, reinterpret_cast<const char*>(data.data()),
-                     static_cast<int>(data.size())) != NATS_OK) {
-    return {};
-  }
-  const MessagePtr message(raw);
-  if (!id.empty() && natsMsgHeader_Set(raw, "Nats-Msg-Id", id.c_str()) != NATS_OK) return {};
+Connection::Answer Connection::request(const std::string& subject, ByteView data, Nanos most) {
   const auto handle = state_->current();
-  if (handle == nullptr) return {};
+  if (handle == nullptr || !is_up() || data.size() > kMostMessage) return {};
   natsMsg* answer = nullptr;
-  const natsStatus status = natsConnection_RequestMsg(&answer, handle.get(), raw, ms(most));
+  const natsStatus status = natsConnection_Request(&answer, handle.get(), subject.c_str(),
+                                                   reinterpret_cast<const char*>(data.data()),
+                                                   static_cast<int>(data.size()), ms(most));
   if (status == NATS_NO_RESPONDERS) return {true, kNobody, {}};
   if (status != NATS_OK) return {};
   const MessagePtr came(answer);
   const ByteView bytes = data_of(answer);
   return {true, status_of(answer), Bytes(bytes.begin(), bytes.end())};
-}
-
-Connection::Answer Connection::request(const std::string& subject, std::string_view text,
-                                       Nanos most) {
-  return request(subject, std::as_bytes(std::span(text)), most, "");
 }
 
 std::size_t Connection::most_payload() const {
@@ -384,29 +422,27 @@ std::size_t Connection::most_payload() const {
   return most > 0 ? static_cast<std::size_t>(most) : kStandardPayload;
 }
 
-std::size_t Connection::chunk_bytes() const {
+std::uint32_t Connection::chunk_bytes() const {
   const std::size_t most = most_payload();
-  const std::size_t fits = most > 2 * kHead ? most - kHead : most / 2;
-  return std::clamp(fits, std::size_t{kLeastChunkBytes}, kLargestChunk);
+  return most < kLeastPayload ? 0
+                              : static_cast<std::uint32_t>(std::min(most - kHead, kLargestChunk));
 }
 
-Stored read_stored(int status, ByteView data) {
-  if (status == kNobody) return {.problem = "JetStream is not there; start the server with -js"};
-  const auto answer = try_parse_json(text_of(data));
-  if (!answer || !answer->is_object()) {
-    return {.problem = "an answer that is none of JetStream's"};
+std::string not_stored(const Connection::Answer& answer) {
+  constexpr const char* kNoStreams = "the server has no JetStream; start it with -js";
+  if (answer.status == kNobody) return kNoStreams;
+  const auto json = try_parse_json(text_of(answer.data));
+  if (!json || !json->is_object()) return "an answer that is none of JetStream's";
+  if (!json->contains("error")) return json->contains("seq") ? "" : "an answer without a sequence";
+  const Json& error = json->at("error");
+  const bool told =
+      error.is_object() && error.contains("description") && error.at("description").is_string();
+  const std::string why = told ? error.at("description").get<std::string>() : "refused";
+  if (why.find("not enabled") != std::string::npos) return why + "; " + kNoStreams;
+  if (why.find("resources") != std::string::npos || why.find("maximum") != std::string::npos) {
+    return why + "; give JetStream more room (max_file_store, the account's limits)";
   }
-  if (answer->contains("error")) {
-    const Json& error = answer->at("error");
-    const bool told =
-        error.is_object() && error.contains("description") && error.at("description").is_string();
-    return {.problem = told ? error.at("description").get<std::string>() : "refused"};
-  }
-  if (!answer->contains("seq") || !answer->at("seq").is_number_unsigned()) {
-    return {.problem = "an answer without a sequence"};
-  }
-  const bool duplicate = answer->contains("duplicate") && answer->at("duplicate") == true;
-  return {.ok = true, .sequence = answer->at("seq").get<std::uint64_t>(), .duplicate = duplicate};
+  return why;
 }
 
 }  // namespace pirt::cloud

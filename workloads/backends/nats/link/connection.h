@@ -1,8 +1,8 @@
 // A connection to a NATS server that comes back by itself, and JetStream's requests over it. The
 // only file that knows libnats.
 //
-// Handlers are called from the library's threads, must not throw, and must not block for long.
-// Nothing is heard of any once the destructor has returned.
+// Handlers are called from the library's threads, and must not block for long: what is thrown there
+// is said as a problem. Nothing is heard of any once the destructor has returned.
 #pragma once
 
 #include <cstdint>
@@ -45,15 +45,16 @@ class Connection {
   /// Until it is up, or @p most is over. @return  Whether it is.
   [[nodiscard]] bool wait_until_up(Nanos most);
   [[nodiscard]] bool is_up() const;
-  void subscribe(const std::string& subject, Handler handler);
+  /// Why it is not up, as the server or the library says it, with the remedy; empty if it is.
+  [[nodiscard]] std::string why_down() const;
+  /// More than @p most_bytes that wait for the handler are not taken: no sender fills the memory.
+  void subscribe(const std::string& subject, Handler handler,
+                 std::int64_t most_bytes = std::int64_t{64} << 20);
   /// A subject of this connection's own, under which answers may come.
   [[nodiscard]] const std::string& inbox() const;
   /// @param reply  Where the server or a peer answers; empty = nobody does.
-  /// @param id     The message's, by which the server drops what it has; empty = none.
   /// @return  Whether it is on its way.
-  bool publish(const std::string& subject, ByteView data, const std::string& reply = "",
-               const std::string& id = "");
-  bool publish(const std::string& subject, std::string_view text, const std::string& reply = "");
+  bool publish(const std::string& subject, ByteView data, const std::string& reply = "");
 
   struct Answer {
     bool came = false;  ///< Else: no connection, or nothing came in time.
@@ -63,13 +64,19 @@ class Connection {
   /// How long the server may take to answer what it knows itself.
   static constexpr Nanos kAnswer = std::chrono::seconds(5);
   /// Blocks; not from a handler.
-  [[nodiscard]] Answer request(const std::string& subject, ByteView data, Nanos most,
-                               const std::string& id = "");
-  [[nodiscard]] Answer request(const std::string& subject, std::string_view text, Nanos most);
+  [[nodiscard]] Answer request(const std::string& subject, ByteView data, Nanos most = kAnswer);
+  [[nodiscard]] Answer request(const std::string& subject, std::string_view text,
+                               Nanos most = kAnswer) {
+    return request(subject, std::as_bytes(std::span(text)), most);
+  }
   /// In bytes; a standard server's before there was a connection.
   [[nodiscard]] std::size_t most_payload() const;
-  /// Of a message's data that is certain to fit with its head.
-  [[nodiscard]] std::size_t chunk_bytes() const;
+  /// Of a message's data that is certain to fit with its head; 0 where the server's max_payload is
+  /// too small for robots and workers.
+  [[nodiscard]] std::uint32_t chunk_bytes() const;
+  static constexpr std::size_t kLeastPayload = std::size_t{64} << 10;
+  /// What to say of that, with the remedy.
+  [[nodiscard]] std::string why_no_chunks() const;
 
  private:
   struct State;
@@ -81,13 +88,8 @@ class Connection {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// What a stream answered to a message that was published with a reply subject.
-struct Stored {
-  bool ok = false;
-  std::uint64_t sequence = 0;
-  bool duplicate = false;
-  std::string problem = {};  ///< Of one that was not taken.
-};
-[[nodiscard]] Stored read_stored(int status, ByteView data);
+/// What a stream answered to a message that was published with a reply subject: empty if it has it,
+/// else why not, with the remedy.
+[[nodiscard]] std::string not_stored(const Connection::Answer& answer);
 
 }  // namespace pirt::cloud

@@ -1,34 +1,39 @@
-// The robot's side: which task is sent when, again, or no more. A pure state machine.
+// The robot's side: which task is given to which worker, again, or no more. A pure state machine.
 //
-// No thread, no clock, no connection: every call is an input with its time, and appends what is to
-// be done. The same inputs give the same answers, whether a server or a simulation drives it. A
-// task is in the outbox from before it is first sent until its end has been told, and its end is
-// told once. One caller at a time.
+// No thread, no clock, no connection: every call is an input with its time, and says through
+// CallerEvents what is to be done. The same inputs give the same answers, whether a server or a
+// simulation drives it. A task's end is told once. One caller at a time.
 //
-// Why a task is sent again: the server has not confirmed it (under the same message id, which the
-// server may know already); a try failed, or nothing was heard for long (under the next `send`, so
-// that no window of the server's swallows it; workers and this side tell by the task's id).
+// A task waits here until a worker claims one. It waits again, a little later, where the worker
+// gave it back, was not heard of any more, or failed: threw, died with it, or let it run over its
+// time. Three of the last kind are enough.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <deque>
+#include <functional>
 #include <map>
 #include <optional>
+#include <random>
 #include <string>
-#include <variant>
 #include <vector>
 
-#include "workloads/backends/nats/robot/outbox.h"
 #include "workloads/backends/nats/wire/wire.h"
 
 namespace pirt::cloud {
 
 struct CallerLimits {
-  std::uint32_t most_tries = 3;              ///< A task whose kernel failed as often is given up.
-  Nanos confirm = std::chrono::seconds(5);   ///< For the server to say that it has a task.
-  Nanos silence = std::chrono::seconds(60);  ///< Without a reply or a sign of life; then doubled,
-  Nanos longest_silence = std::chrono::minutes(10);  ///< to no more than this.
-  Nanos worker = std::chrono::seconds(10);  ///< Since a worker was last heard: the unit is down.
-  Nanos full = std::chrono::seconds(1);     ///< Between attempts where the stream is full.
+  std::uint32_t most_tries = 3;   ///< A task that failed as often is given up;
+  std::uint32_t most_sends = 20;  ///< so is one that was given away as often for whatever reason.
+  Nanos confirm = std::chrono::seconds(3);   ///< For a worker to say that it has a task.
+  Nanos silence = std::chrono::seconds(10);  ///< Of a worker that has one: it is lost.
+  Nanos worker = std::chrono::seconds(10);   ///< Since a worker was last heard: the unit is down.
+  Nanos offer = std::chrono::seconds(1);     ///< Between offers while a task waits.
+  Nanos again = std::chrono::milliseconds(200);  ///< At least, before a task is offered again.
+  /// When a second worker is asked, too: after so long, or after the 95th of 100 such calls.
+  std::optional<Nanos> hedge_after = {};
+  bool hedge_p95 = false;
 };
 
 /// How a task ended at its caller.
@@ -40,121 +45,109 @@ enum class CallEndKind : std::uint8_t {
   kCancelled,
 };
 
-/// What is to be done, in order.
-struct Publish {
-  TaskId task;
-  std::uint32_t send = 1;
-  std::optional<Nanos> time_left;
+/// A task on its way to a worker.
+struct GivenTask {
+  TaskId task = {};
+  std::uint64_t worker = 0;
+  std::uint32_t send = 1, waiting = 0;
+  std::optional<Nanos> time_left = {};
 };
-struct Withdraw {
-  TaskId task;
-  std::uint64_t sequence = 0;  ///< On the stream; 0 = the server never confirmed it.
+
+/// What is to be done.
+class CallerEvents {
+ public:
+  virtual ~CallerEvents() = default;
+  virtual void offer(std::uint32_t waiting) = 0;
+  virtual void give(const GivenTask& given) = 0;
+  virtual void give_nothing(std::uint64_t worker) = 0;
+  /// A worker found its parameters or inputs not on the stream: ready() says when they are.
+  virtual void missing(const TaskId& task) = 0;
+  /// Whoever has it may let go of it.
+  virtual void withdraw(const TaskId& task) = 0;
+  /// @param reply  Of one that is done; else null.
+  virtual void end(const TaskId& task, CallEndKind how, const std::string& problem,
+                   const ReplyMessage* reply) = 0;
 };
-struct SendParameters {
-  TaskId task;
-};
-struct TellEnd {
-  TaskId task;
-  CallEndKind how = CallEndKind::kDone;
-  std::string problem;                ///< In one line; empty if done.
-  std::optional<ReplyMessage> reply;  ///< Of one that is done.
-};
-enum class Availability : std::uint8_t { kUp, kDraining, kDown };
-struct TellAvailability {
-  Availability availability = Availability::kDown;
-};
-using CallerAction = std::variant<Publish, Withdraw, SendParameters, TellEnd, TellAvailability>;
-using CallerActions = std::vector<CallerAction>;
 
 struct CallerCounts {
-  std::int64_t submitted =
-      0;  ///< Taken; = done + given_up + refused + returned + cancelled + live.
-  std::int64_t outbox_full = 0, stream_full = 0;  ///< Submissions and sendings turned away.
-  std::int64_t done = 0, given_up = 0, refused = 0, returned = 0, cancelled = 0;
-  std::int64_t sent_again = 0;  ///< Under the next number.
-  std::int64_t late = 0;        ///< Replies to tasks that had ended: dropped.
+  std::int64_t submitted = 0;                 ///< = those that ended, and live ones.
+  std::array<std::int64_t, 5> ended_as = {};  ///< By CallEndKind.
+  std::int64_t sent_again = 0;
+  std::int64_t hedged = 0;  ///< Of those: a second worker, beside the first.
+  std::int64_t late = 0;    ///< Replies to tasks that had ended: dropped.
+
+  [[nodiscard]] std::int64_t ended(CallEndKind how) const {
+    return ended_as[static_cast<std::size_t>(how)];
+  }
 };
 
 class Caller {
  public:
-  /// Tasks of an earlier run that are in the outbox: those without a key are withdrawn, those with
-  /// one are sent again and wait for somebody to submit the key.
-  Caller(Outbox& outbox, const CallerLimits& limits, Nanos now, CallerActions& out);
+  Caller(CallerEvents& events, const CallerLimits& limits, std::uint64_t seed)
+      : events_(events), limits_(limits), random_(static_cast<std::uint32_t>(seed)) {}
 
-  enum class Submission : std::uint8_t {
-    kTaken,
-    kOutboxFull,
-    kOtherBody,  ///< The key stands for another task, which has not ended.
-    kTwice,      ///< Somebody waits for that task already.
-  };
-  /// @param key         Of a task that survives the program; empty = none. The id follows from it
-  /// and the body.
-  /// @param first_send  Of one with a key, above that of any earlier submission of it: workers may
-  /// remember those.
-  /// @param give_back   When it is to be computed elsewhere at the latest; absent = never.
-  Submission submit(const TaskId& task, const std::string& key, ByteView body,
-                    std::optional<Nanos> deadline, std::optional<Nanos> give_back, Nanos now,
-                    CallerActions& out, std::uint32_t first_send = 1);
+  /// @param kind       What tasks that take as long have in common.
+  /// @param give_back  When it is to be computed elsewhere at the latest; absent = never.
+  void submit(const TaskId& task, const std::string& kind, std::optional<Nanos> deadline,
+              std::optional<Nanos> give_back, Nanos now);
   /// Nothing more is heard of it but its end.
-  void cancel(const TaskId& task, Nanos now, CallerActions& out);
+  void cancel(const TaskId& task);
+  /// What a worker missed is there now.
+  void ready(const TaskId& task, Nanos now);
 
-  void link_up(Nanos now, CallerActions& out);
-  void link_down(Nanos now, CallerActions& out);
-  /// The server has it on its stream.
-  void confirmed(const TaskId& task, std::uint32_t send, std::uint64_t sequence, Nanos now,
-                 CallerActions& out);
-  /// The server did not take it.
-  void rejected(const TaskId& task, std::uint32_t send, Nanos now, CallerActions& out);
-  void replied(const ReplyMessage& reply, Nanos now, CallerActions& out);
-  void worker_heard(Nanos now, CallerActions& out);
-  void wake(Nanos now, CallerActions& out);
+  void link_up(Nanos now);
+  void link_down();
+  /// @param takes  Whether a task is for that worker.
+  void claimed(std::uint64_t worker, const std::function<bool(const TaskId&)>& takes, Nanos now);
+  void replied(const ReplyMessage& reply, Nanos now);
+  void worker_heard(std::uint64_t worker, Nanos now);
+  void wake(Nanos now);
   /// When to call wake next; Nanos::max() = never.
   [[nodiscard]] Nanos next_wake() const;
 
   [[nodiscard]] const CallerCounts& counts() const { return counts_; }
   [[nodiscard]] std::size_t live() const { return entries_.size(); }
-  [[nodiscard]] Availability availability() const { return availability_; }
+  /// Whether a task that is submitted now gets to a worker.
+  [[nodiscard]] bool is_up(Nanos now) const;
 
  private:
-  enum class Stage : std::uint8_t {
-    kWaiting,  ///< To be sent once there is a link.
-    kSending,  ///< Until the server confirms.
-    kWithServer,
-    kHeld,      ///< The stream was full.
-    kAnswered,  ///< Nobody has asked for the reply yet.
+  /// A worker has it, or may have.
+  struct Given {
+    std::uint64_t worker = 0;
+    std::uint32_t send = 0;
+    bool confirmed = false;
+    Nanos since{0}, until{0};  ///< Nothing was heard of it then: it is not there any more.
   };
   struct Entry {
-    std::string key = {};
-    bool waited_for = true;
-    Stage stage = Stage::kWaiting;
-    std::uint32_t sends = 1, tries = 0;
-    std::uint64_t sequence = 0;
-    std::optional<Nanos> deadline = {}, give_back = {};
-    Nanos next{0};     ///< When its stage is looked at again.
-    Nanos silence{0};  ///< What it is given next.
+    std::string kind = {};
+    std::optional<Nanos> offered_at = {};  ///< Waits for a worker from then on.
+    std::vector<Given> given = {};
+    std::uint32_t sends = 0, tries = 0;
+    std::optional<Nanos> deadline = {}, give_back = {}, hedge_at = {};
   };
   using Entries = std::map<TaskId, Entry>;
 
-  void take_reply(const ReplyMessage& reply, Nanos now, CallerActions& out);
-  void send(const TaskId& task, Entry& entry, Nanos now, CallerActions& out);
-  void send_again(const TaskId& task, Entry& entry, Nanos now, CallerActions& out);
-  void failed_try(Entries::iterator at, const ReplyMessage& reply, Nanos now, CallerActions& out);
-  void end(Entries::iterator at, CallEndKind how, std::string problem,
-           std::optional<ReplyMessage> reply, CallerActions& out);
-  void withdraw(const TaskId& task, const Entry& entry, CallerActions& out) const;
-  void look(Entries::iterator at, Nanos now, CallerActions& out);
-  void hear(Entry& entry, Nanos now) const;
-  void settle(Nanos now, CallerActions& out);
+  [[nodiscard]] static bool waits(const Entry& entry, Nanos now) {
+    return entry.offered_at && *entry.offered_at <= now;
+  }
+  [[nodiscard]] std::uint32_t waiting(Nanos now) const;
+  void offer(Nanos now);
+  void give(const TaskId& task, Entry& entry, std::uint64_t worker, Nanos now);
+  void failed(Entries::iterator at, const std::string& problem, Nanos now);
+  void look(Entries::iterator at, Nanos now);
+  void end(Entries::iterator at, CallEndKind how, const std::string& problem,
+           const ReplyMessage* reply);
+  [[nodiscard]] std::optional<Nanos> hedged_after(const std::string& kind) const;
   [[nodiscard]] Nanos due(const Entry& entry) const;
 
-  Outbox& outbox_;
+  CallerEvents& events_;
   CallerLimits limits_;
+  std::minstd_rand random_;
   Entries entries_;
   bool linked_ = false;
-  bool outbox_was_full_ = false;
-  std::optional<Nanos> stream_full_until_;
-  std::optional<Nanos> worker_heard_;
-  Availability availability_ = Availability::kDown;
+  std::map<std::uint64_t, Nanos> workers_;         ///< When each was last heard.
+  Nanos offered_{-1}, offer_at_ = Nanos::max();    ///< The last offer, and the next.
+  std::map<std::string, std::deque<Nanos>> took_;  ///< The last calls of each kind.
   CallerCounts counts_;
 };
 

@@ -6,50 +6,29 @@
 #include <random>
 #include <utility>
 
-#include "workloads/backends/nats/wire/own_sizes.h"
+#include "workloads/backends/nats/wire/kind.h"
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
-#include "workloads/base/text/json.h"
 
 namespace pirt::cloud {
 namespace {
 
 constexpr Nanos kAskAgain = std::chrono::seconds(1);
+constexpr Nanos kLongestWait = std::chrono::hours(1);
+constexpr std::size_t kMostHeard = 1024;  ///< Workers.
+/// A message that no measurement of the bandwidth follows from.
+constexpr std::size_t kSmall = 64 << 10;
+/// Of what is measured, in what is known from before.
+constexpr double kNew = 0.25;
 
 std::uint64_t new_run() {
   std::random_device device;
   return (std::uint64_t{device()} << 32) | device();
 }
 
-/// Follows from the key and what is asked for.
-TaskId id_of(const std::string& key, ByteView body) {
-  const Digest digest = Digester().add(key).add(body).value();
-  TaskId id;
-  for (std::size_t i = 0; i < 8; ++i) {
-    id.run = id.run << 8 | digest.bytes[i];
-    id.number = id.number << 8 | digest.bytes[8 + i];
-  }
-  return id;
-}
-
-/// Grows from one run of the program to the next.
-std::uint32_t first_send_now() {
-  const auto since = std::chrono::system_clock::now().time_since_epoch();
-  return static_cast<std::uint32_t>(
-      std::chrono::duration_cast<std::chrono::seconds>(since).count());
-}
-
-std::unique_ptr<Outbox> make_outbox(const RobotOptions& options) {
-  if (!is_robot_name(options.robot)) {
-    throw_bad_input("robot '" + options.robot +
-                    "' cannot be called that; a name is made of letters, digits, '_' and '-'");
-  }
-  return options.outbox.empty() ? make_memory_outbox(options.outbox_bytes)
-                                : open_outbox(options.outbox, options.robot, options.outbox_bytes);
-}
-
-ConnectionOptions own_connection(const RobotOptions& options) {
+ConnectionOptions robot_connection(const RobotOptions& options) {
+  check_robot_name(options.robot);
   ConnectionOptions connection = options.connection;
   connection.name = "pirt robot " + options.robot;
   connection.inbox = "_INBOX_" + options.robot;
@@ -58,190 +37,286 @@ ConnectionOptions own_connection(const RobotOptions& options) {
 
 }  // namespace
 
-RobotLink::RobotLink(const RobotOptions& options)
-    : options_(options), outbox_(make_outbox(options)), run_(new_run()) {
-  CallerActions first;
-  caller_ = std::make_unique<Caller>(*outbox_, options_.limits, mailbox_.now(), first);
-  Connection::Events events;
-  events.up = [this] { mailbox_.post([this] { ask_for_replies(); }); };
-  events.down = [this] {
-    mailbox_.post([this] {
-      ask_again_at_ = Nanos::max();
-      with_caller([this](Nanos now, CallerActions& out) { caller_->link_down(now, out); });
-    });
-  };
-  events.problem = [this](const std::string& problem) {
+template <typename Step>
+void RobotLink::with_caller(Step step) {
+  std::vector<std::function<void()>> told;
+  {
     const std::lock_guard lock(mutex_);
-    problem_ = problem;
-  };
-  connection_ = std::make_unique<Connection>(own_connection(options_), std::move(events));
-  Connection& connection = *connection_;
-  connection.subscribe(connection.inbox() + ".ack.*", [this](const Incoming& message) {
-    mailbox_.post(
-        [this, number = robot_of(message.subject),
-         stored = read_stored(message.status, message.data)] { acknowledged(number, stored); });
-  });
-  connection.subscribe(connection.inbox() + ".replies", [this](const Incoming& message) {
-    const auto answer = try_parse_json(text_of(message.data));
-    const bool knows = answer && answer->contains("config");
-    mailbox_.post([this, knows] { replies_come(knows); });
-  });
-  connection.subscribe(deliver_subject(options_.robot),
-                       [this](const Incoming& message) { on_reply(message, true); });
-  connection.subscribe(running_subject(options_.robot),
-                       [this](const Incoming& message) { on_reply(message, false); });
-  connection.subscribe(kHelloSubject, [this](const Incoming& message) { on_hello(message); });
-  try {
-    server_ = start_thread([this, first = std::move(first)]() mutable {
-      apply(std::move(first));
-      serve();
-    });
-    mover_ = start_thread([this] { move(); });
-  } catch (...) {
-    mailbox_.close();
-    throw;
+    step(clock_.now());
+    told.swap(told_);
   }
+  changed_.notify_all();
+  for (const auto& each : told) each();
+}
+
+template <typename Said>
+void RobotLink::subscribe(const std::string& subject, void (RobotLink::*handler)(const Said&)) {
+  connection_->subscribe(subject, [this, handler](const Incoming& message) {
+    const auto said = decode_as<Said>(message.data);
+    if (said.value) return (this->*handler)(*said.value);
+    const std::lock_guard lock(mutex_);
+    ++malformed_;
+  });
+}
+
+RobotLink::RobotLink(const RobotOptions& options)
+    : options_(options), run_(new_run()), caller_(*this, options.limits, run_) {
+  Connection::Events events;
+  events.up = [this] { with_caller([this](Nanos now) { ask_at_ = now; }); };
+  events.down = [this] {
+    with_caller([this](Nanos) {
+      ask_at_ = Nanos::max();
+      caller_.link_down();
+    });
+  };
+  events.problem = [this](const std::string& problem) { note(problem); };
+  connection_ = std::make_unique<Connection>(robot_connection(options_), std::move(events));
+  connection_->subscribe(connection_->inbox() + ".stream", [this](const Incoming& message) {
+    stream_is(read_stream_info({true, message.status, {message.data.begin(), message.data.end()}},
+                               options_.robot));
+  });
+  subscribe(subject("claim", options_.robot), &RobotLink::claimed);
+  subscribe(subject("answer", options_.robot), &RobotLink::replied);
+  connection_->subscribe(kHelloSubject, [this](const Incoming& message) { hello(message); });
+  server_ = start_thread([this](const std::stop_token& stop) { serve(stop); });
 }
 
 RobotLink::~RobotLink() {
-  stopping_ = true;
-  moves_.close();
-  mover_.join();
-  mailbox_.post([this] {
-    closing_ = true;
-    std::vector<TaskId> without_key;
-    for (const auto& [task, running] : running_) {
-      if (running.submission.key.empty()) without_key.push_back(task);
+  server_ = {};
+  const std::lock_guard lock(mutex_);
+  while (!running_.empty()) caller_.cancel(running_.begin()->first);
+  told_.clear();
+}
+
+void RobotLink::serve(const std::stop_token& stop) {
+  name_thread("pirt-robot");
+  while (!stop.stop_requested()) {
+    try {
+      with_caller([this](Nanos now) {
+        if (ask_at_ <= now) ask_for_stream();
+        if (caller_.next_wake() <= now) caller_.wake(now);
+      });
+      std::unique_lock lock(mutex_);
+      const Nanos until = std::min(caller_.next_wake(), ask_at_), now = clock_.now();
+      const Nanos left =
+          std::clamp<Nanos>(until - std::min(until, now), Nanos::zero(), kLongestWait);
+      changed_.wait_for(lock, stop, left,
+                        [&] { return std::min(caller_.next_wake(), ask_at_) < until; });
+    } catch (const std::exception& error) {  // Such as no memory: it goes on.
+      note(error.what());
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
-    for (const TaskId& task : without_key) {
-      with_caller([&](Nanos now, CallerActions& out) { caller_->cancel(task, now, out); });
-    }
-    mailbox_.close();
+  }
+}
+
+void RobotLink::note(const std::string& problem) {
+  const std::lock_guard lock(mutex_);
+  problem_ = problem;
+}
+
+/// Without a stream of its own nothing large would ever get to a worker.
+void RobotLink::ask_for_stream() {
+  ask_at_ = clock_.now() + kAskAgain;
+  connection_->publish("$JS.API.STREAM.INFO." + blob_stream(options_.robot), {},
+                       connection_->inbox() + ".stream");
+}
+
+void RobotLink::stream_is(const RobotStream& stream) {
+  with_caller([&](Nanos now) {
+    stream_ = stream;
+    if (connection_->chunk_bytes() == 0) stream_.missing = connection_->why_no_chunks();
+    if (!stream_.missing.empty() || !connection_->is_up()) return;  // It is asked again.
+    ask_at_ = Nanos::max();
+    caller_.link_up(now);
   });
-  server_.join();
 }
 
-/// Without a consumer of its own no reply would ever come.
-void RobotLink::ask_for_replies() {
-  ask_again_at_ = mailbox_.now() + kAskAgain;
-  connection_->publish(
-      fmt::format("$JS.API.CONSUMER.INFO.{}.{}", kReplyStream, robot_consumer(options_.robot)), "",
-      connection_->inbox() + ".replies");
-}
-
-void RobotLink::replies_come(bool server_knows_robot) {
-  {
-    const std::lock_guard lock(mutex_);
-    unknown_ = !server_knows_robot;
-  }
-  if (!server_knows_robot || !connection_->is_up()) return;  // It is asked again.
-  ask_again_at_ = Nanos::max();
-  with_caller([this](Nanos now, CallerActions& out) { caller_->link_up(now, out); });
-}
-
-TaskId RobotLink::submit(Submission submission) {
-  TaskId task;
-  if (submission.key.empty()) {
-    const std::lock_guard lock(mutex_);
-    task = {run_, ++number_};
-  } else {
-    task = id_of(submission.key, *submission.body);
-  }
-  const Nanos submitted = mailbox_.now();
-  mailbox_.post([this, task, submitted, submission = std::move(submission)]() mutable {
+void RobotLink::submit(const TaskId& task, Submission submission) {
+  with_caller([&](Nanos now) {
     const auto after = [&](std::optional<Nanos> duration) {
-      return duration ? std::optional(submitted + *duration) : std::nullopt;
+      return duration ? std::optional(later_by(now, *duration)) : std::nullopt;
     };
     const auto deadline = after(submission.time_left),
                give_back = after(submission.give_back_after);
-    const std::string key = submission.key;
-    const auto body = submission.body;
-    const auto ended = submission.ended;
-    const bool is_new =
-        running_.try_emplace(task, Running{std::move(submission), submitted}).second;
-    Caller::Submission taken = Caller::Submission::kTwice;
-    if (is_new) {
-      with_caller([&](Nanos now, CallerActions& out) {
-        taken = caller_->submit(task, key, *body, deadline, give_back, now, out,
-                                key.empty() ? 1 : first_send_now());
-        if (taken != Caller::Submission::kTaken) running_.erase(task);
-      });
-    }
-    const auto refuse = [&](const std::string& why) {
-      if (ended) ended({.how = CallEndKind::kRefused, .problem = why});
-    };
-    switch (taken) {
-      case Caller::Submission::kTaken:
-        return;
-      case Caller::Submission::kOutboxFull:
-        return refuse(fmt::format(
-            "the outbox has no room for {} bytes more (of {}); give it more (outbox_mb:)",
-            body->size(), options_.outbox_bytes));
-      case Caller::Submission::kOtherBody:
-        return refuse("key '" + key + "' stands for another task, which has not ended");
-      case Caller::Submission::kTwice:
-        return refuse("key '" + key + "' is waited for already");
-    }
+    const std::string kind = submission.task.spec.hex();
+    running_.try_emplace(task, Running{std::move(submission), now});
+    caller_.submit(task, kind, deadline, give_back, now);
   });
-  return task;
 }
 
 void RobotLink::cancel(const TaskId& task) {
-  mailbox_.post([this, task] {
-    with_caller([&](Nanos now, CallerActions& out) { caller_->cancel(task, now, out); });
+  with_caller([&](Nanos) { caller_.cancel(task); });
+}
+
+void RobotLink::ready(const TaskId& task) {
+  with_caller([&](Nanos now) { caller_.ready(task, now); });
+}
+
+void RobotLink::offer(std::uint32_t waiting) {
+  connection_->publish(subject("offer", options_.robot), encode(OfferMessage{run_, waiting}));
+}
+
+void RobotLink::give_nothing(std::uint64_t worker) {
+  connection_->publish(task_subject(options_.robot, worker), encode(OfferMessage{run_, 0}));
+}
+
+void RobotLink::give(const GivenTask& given) {
+  const auto at = running_.find(given.task);
+  if (at == running_.end()) return;
+  Running& running = at->second;
+  TaskMessage& message = running.submission.task;
+  message.task = given.task;
+  message.send = given.send;
+  message.waiting = given.waiting;
+  message.time_left = given.time_left;
+  const Bytes frame = encode(message);
+  running.given = clock_.now();
+  running.sent_bytes = frame.size();
+  connection_->publish(task_subject(options_.robot, given.worker), frame);
+}
+
+void RobotLink::missing(const TaskId& task) {
+  const auto at = running_.find(task);
+  if (at != running_.end() && at->second.submission.missing) {
+    told_.push_back(at->second.submission.missing);
+  }
+}
+
+void RobotLink::withdraw(const TaskId& task) {
+  connection_->publish(subject("cancel", options_.robot), encode(CancelMessage{task}));
+}
+
+void RobotLink::end(const TaskId& task, CallEndKind how, const std::string& problem,
+                    const ReplyMessage* reply) {
+  const auto at = running_.find(task);
+  if (at == running_.end()) return;
+  const Running running = std::move(at->second);
+  running_.erase(at);
+  TaskEnd told{.how = how, .problem = problem};
+  if (reply != nullptr) {
+    told.worker = reply->worker;
+    told.send = reply->send;
+    told.execute = reply->execute;
+    told.held = reply->held;
+    told.outputs = reply->outputs;
+  }
+  told.taken = running.taken;
+  told.total = clock_.now() - running.submitted;
+  if (!running.submission.ended) return;
+  told_.push_back([ended = running.submission.ended, told = std::move(told)] { ended(told); });
+}
+
+void RobotLink::replied(const ReplyMessage& reply) {
+  Nanos took{0};
+  std::size_t bytes = 0;
+  with_caller([&](Nanos now) {
+    const auto at = running_.find(reply.task);
+    if (at != running_.end() && at->second.taken == Nanos::zero()) {
+      Running& running = at->second;
+      running.taken = now - running.submitted;
+      took = now - running.given;
+      bytes = running.sent_bytes;
+      if (running.submission.taken) told_.push_back(running.submission.taken);
+    }
+    caller_.replied(reply, now);
+  });
+  if (bytes > 0) measure(took, bytes);
+}
+
+void RobotLink::hello(const Incoming& message) {
+  auto hello = decode_as<HelloMessage>(message.data);
+  with_caller([&](Nanos now) {
+    if (!hello.value) {
+      ++malformed_;
+      problem_ = "a worker says what cannot be read: " + hello.problem;
+      return;
+    }
+    const std::uint64_t instance = hello.value->instance;
+    if (workers_.size() >= kMostHeard) workers_.clear();
+    const auto silent = std::erase_if(workers_, [&](const auto& entry) {
+      return entry.second.at + options_.limits.worker < now && entry.first != instance;
+    });
+    const auto [known, is_new] = workers_.try_emplace(instance);
+    if (is_new || silent > 0 || known->second.said.workloads != hello.value->workloads) ++heard_;
+    known->second = {std::move(*hello.value), now};
+    caller_.worker_heard(instance, now);
   });
 }
 
-Availability RobotLink::availability() const {
+/// A task goes to a worker that knows its workload, if there is one.
+void RobotLink::claimed(const ClaimMessage& claim) {
+  if (claim.run != run_) return;  // Of another program of this robot's name.
+  const auto takes = [&](const TaskId& task) {
+    const auto running = running_.find(task);
+    if (running == running_.end()) return false;
+    const auto knows = [&](const Worker& worker) {
+      return std::ranges::any_of(worker.said.workloads, [&](const auto& known) {
+        return known.workload == running->second.submission.task.workload;
+      });
+    };
+    const auto asks = workers_.find(claim.worker);
+    if (asks != workers_.end() && knows(asks->second)) return true;
+    return std::ranges::none_of(workers_, [&](const auto& each) { return knows(each.second); });
+  };
+  with_caller([&](Nanos now) { caller_.claimed(claim.worker, takes, now); });
+}
+
+void RobotLink::measure(Nanos took, std::size_t bytes) {
   const std::lock_guard lock(mutex_);
-  return availability_;
+  if (bytes < kSmall) {
+    const Nanos known = estimate_.round_trip.value_or(took);
+    estimate_.round_trip = known + scaled(took - known, kNew);
+    return;
+  }
+  const Nanos moving = took - estimate_.round_trip.value_or(Nanos::zero());
+  if (moving <= Nanos::zero()) return;
+  const double rate = static_cast<double>(bytes) / to_s(moving);
+  const double known = estimate_.bytes_per_s.value_or(rate);
+  estimate_.bytes_per_s = known + kNew * (rate - known);
+}
+
+bool RobotLink::is_up() const {
+  const std::lock_guard lock(mutex_);
+  return caller_.is_up(clock_.now());
 }
 
 bool RobotLink::wait_until_up(Nanos most) {
   std::unique_lock lock(mutex_);
-  return changed_.wait_for(lock, most, [this] { return availability_ == Availability::kUp; });
+  return changed_.wait_for(lock, most, [this] { return caller_.is_up(clock_.now()); });
 }
 
 std::string RobotLink::why_down() const {
   const std::string server = "server " + public_url(options_.connection.server);
-  const bool linked = connection_->is_up();
+  if (!connection_->is_up()) return "no connection to " + server + ": " + connection_->why_down();
   const std::lock_guard lock(mutex_);
-  const std::string said = problem_.empty() ? "" : " (it said: " + problem_ + ")";
-  if (!linked) {
-    return "no connection to " + server + said +
-           "; start one (nats-server -js), or name another (server:)";
-  }
-  if (unknown_) {
-    return fmt::format(
-        "{} has no replies for robot '{}'; start it with -js, and run `pirt cloud-admin setup "
-        "--robots {}`",
-        server, options_.robot, options_.robot);
-  }
-  switch (availability_) {
-    case Availability::kUp:
-      return "";
-    case Availability::kDraining:
-      return server + " or the outbox is full" + said;
-    case Availability::kDown:
-      break;
-  }
+  if (caller_.is_up(clock_.now())) return "";
+  if (!stream_.missing.empty()) return server + ": " + stream_.missing;
   if (!problem_.empty() && workers_.empty()) {
-    return "nothing was heard of a worker at " + server + said;
+    return "nothing was heard of a worker at " + server + " (" + problem_ + ")";
   }
   return "no worker is at " + server + "; start one (pirt cloud-worker --server " +
          public_url(options_.connection.server) + ")";
 }
 
+std::string RobotLink::why_too_large(const std::string& what, std::uint64_t bytes) const {
+  const std::lock_guard lock(mutex_);
+  if (stream_.most_bytes == 0 || bytes <= stream_.most_bytes) return "";
+  return fmt::format(
+      "{} has {} MB to send, and robot {} may have {} MB on the server; give it more (pirt "
+      "cloud-admin setup --robot-mb)",
+      what, bytes >> 20, options_.robot, stream_.most_bytes >> 20);
+}
+
 LinkEstimate RobotLink::estimate() const {
   const std::lock_guard lock(mutex_);
   LinkEstimate estimate = estimate_;
-  estimate.late_replies = counts_.late;
+  estimate.late_replies = caller_.counts().late;
   return estimate;
 }
 
 CallerCounts RobotLink::counts() const {
   const std::lock_guard lock(mutex_);
-  return counts_;
+  return caller_.counts();
 }
 
 std::int64_t RobotLink::malformed() const {
@@ -253,36 +328,17 @@ std::string RobotLink::why_not(const Workload& workload) const {
   const Kind kind = kind_of(workload);
   const std::lock_guard lock(mutex_);
   std::string why;
-  for (const auto& [name, worker] : workers_) {
-    const std::string who = fmt::format("worker {} (pirt {})", name, worker.announced.version);
+  for (const auto& [instance, worker] : workers_) {
+    const std::string who =
+        fmt::format("worker {} (pirt {})", worker.said.worker, worker.said.version);
     why = fmt::format("{} does not know {}{}", who, kind.name, kind.missing);
-    for (const auto& known : worker.announced.workloads) {
+    for (const auto& known : worker.said.workloads) {
       if (known.workload != kind.name) continue;
       if (!kind.known_by || known.spec == *kind.known_by) return "";
       why = fmt::format("{} has another {}: {}", who, kind.name, kind.differs);
     }
   }
   return why;
-}
-
-void RobotLink::serve() {
-  name_thread("pirt-robot");
-  Mailbox::Letter letter;
-  while (mailbox_.next(std::min(caller_->next_wake(), ask_again_at_), letter)) {
-    if (letter) letter();
-    if (ask_again_at_ <= mailbox_.now()) ask_for_replies();
-    if (caller_->next_wake() <= mailbox_.now()) {
-      with_caller([this](Nanos now, CallerActions& out) { caller_->wake(now, out); });
-    }
-  }
-}
-
-void RobotLink::move() {
-  name_thread("pirt-mover");
-  Mailbox::Letter letter;
-  while (moves_.next(Nanos::max(), letter)) {
-    if (letter && !stopping_) letter();
-  }
 }
 
 }  // namespace pirt::cloud

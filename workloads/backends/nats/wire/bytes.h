@@ -1,5 +1,5 @@
-// How numbers, texts and lists lie in what is sent: little endian, one after the other. A reader
-// trusts nothing.
+// How numbers, texts and lists lie in what is sent: little endian, one after the other. A message
+// names its fields once, in fields(), for writing and for reading. A reader trusts nothing.
 #pragma once
 
 #include <fmt/core.h>
@@ -16,44 +16,64 @@ namespace pirt::cloud {
 
 inline constexpr std::size_t kMostText = 1024;
 inline constexpr std::size_t kMostList = 4096;
+/// No task takes or waits longer: what follows from sums of a few is in range.
+inline constexpr Nanos kLongest = std::chrono::hours(24 * 366);
 
 class Writer {
  public:
-  template <typename T>
-  requires std::is_integral_v<T> Writer& number(T value) {
-    using Unsigned = std::make_unsigned_t<T>;
-    const auto bits = static_cast<Unsigned>(value);
-    std::array<std::byte, sizeof bits> little;
-    for (std::size_t i = 0; i < sizeof bits; ++i) {
-      little[i] = static_cast<std::byte>(static_cast<std::uint64_t>(bits) >> (8 * i));
-    }
-    return raw(little);
+  template <typename... Fields>
+  Writer& operator()(const Fields&... fields) {
+    (value(fields), ...);
+    return *this;
   }
   Writer& raw(ByteView bytes) {
     bytes_.insert(bytes_.end(), bytes.begin(), bytes.end());
     return *this;
   }
-  Writer& text(std::string_view text) {
-    text = text.substr(0, kMostText);
-    number(static_cast<std::uint32_t>(text.size()));
-    return raw(std::as_bytes(std::span(text)));
-  }
-  Writer& digest(const Digest& digest) { return raw(std::as_bytes(std::span(digest.bytes))); }
-  Writer& id(const TaskId& id) { return number(id.run).number(id.number); }
-  Writer& blob(const Blob& blob) {
-    return digest(blob.digest).number(blob.size_bytes).number(blob.chunk_bytes);
-  }
-  Writer& payload(const Payload& payload) {
-    number(static_cast<std::uint8_t>(payload.index()));
-    if (const auto* const blob = std::get_if<Blob>(&payload)) return this->blob(*blob);
-    const Bytes& bytes = std::get<Bytes>(payload);
-    number(std::uint64_t{bytes.size()});
-    return raw(bytes);
-  }
   void reserve(std::size_t size) { bytes_.reserve(size); }
   [[nodiscard]] Bytes take() { return std::move(bytes_); }
 
  private:
+  template <typename T>
+  requires std::is_integral_v<T>
+  void value(T number) {
+    std::array<std::byte, sizeof number> little;
+    std::memcpy(little.data(), &number, sizeof number);  // tensors.cpp asserts the order
+    raw(little);
+  }
+  template <typename T>
+  requires std::is_enum_v<T>
+  void value(T kind) { value(static_cast<std::underlying_type_t<T>>(kind)); }
+  void value(std::string_view text) {
+    text = text.substr(0, kMostText);
+    value(static_cast<std::uint32_t>(text.size()));
+    raw(std::as_bytes(std::span(text)));
+  }
+  void value(const std::string& text) { value(std::string_view(text)); }
+  void value(const Digest& digest) { raw(std::as_bytes(std::span(digest.bytes))); }
+  void value(Nanos time) { value(time.count()); }
+  void value(const Blob& blob) { (*this)(blob.digest, blob.size_bytes, blob.chunk_bytes); }
+  void value(const Payload& payload) {
+    value(static_cast<std::uint8_t>(payload.index()));
+    if (const auto* const blob = std::get_if<Blob>(&payload)) return value(*blob);
+    const Bytes& bytes = std::get<Bytes>(payload);
+    value(std::uint64_t{bytes.size()});
+    raw(bytes);
+  }
+  template <typename T>
+  void value(const std::optional<T>& field) {
+    value(static_cast<std::uint8_t>(field.has_value()));
+    if (field) value(*field);
+  }
+  template <typename T>
+  void value(const std::vector<T>& list) {
+    value(static_cast<std::uint32_t>(list.size()));
+    for (const T& each : list) value(each);
+  }
+  template <typename T>
+  requires std::is_class_v<T>
+  void value(const T& message) { fields(*this, message); }
+
   Bytes bytes_;
 };
 
@@ -62,14 +82,16 @@ class Reader {
  public:
   explicit Reader(ByteView bytes) : left_(bytes) {}
 
+  template <typename... Fields>
+  Reader& operator()(Fields&... fields) {
+    (value(fields), ...);
+    return *this;
+  }
   template <typename T>
-  T number() {
-    std::uint64_t bits = 0;
-    const ByteView bytes = raw(sizeof(T), "a number");
-    for (std::size_t i = 0; i < bytes.size(); ++i) {
-      bits |= std::to_integer<std::uint64_t>(bytes[i]) << (8 * i);
-    }
-    return static_cast<T>(bits);
+  [[nodiscard]] T number() {
+    T read{};
+    value(read);
+    return read;
   }
   ByteView raw(std::uint64_t size, std::string_view what) {
     if (!ok()) return {};
@@ -81,75 +103,10 @@ class Reader {
     left_ = left_.subspan(bytes.size());
     return bytes;
   }
-  std::string text() {
-    const auto size = number<std::uint32_t>();
-    if (size > kMostText) fail(fmt::format("a text of {} bytes", size));
-    const ByteView bytes = raw(size, "a text");
-    return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-  }
-  Digest digest() {
-    Digest digest;
-    const ByteView bytes = raw(digest.bytes.size(), "a digest");
-    std::memcpy(digest.bytes.data(), bytes.data(), bytes.size());
-    return digest;
-  }
-  TaskId id() {
-    TaskId id;
-    id.run = number<std::uint64_t>();
-    id.number = number<std::uint64_t>();
-    return id;
-  }
-  Blob blob() {
-    Blob blob;
-    blob.digest = digest();
-    blob.size_bytes = number<std::uint64_t>();
-    blob.chunk_bytes = number<std::uint32_t>();
-    if (ok() && (blob.size_bytes == 0 || blob.size_bytes > kMostBlobBytes ||
-                 blob.chunk_bytes < kLeastChunkBytes)) {
-      fail(fmt::format("a blob of {} bytes in chunks of {}", blob.size_bytes, blob.chunk_bytes));
-    }
-    return blob;
-  }
-  Payload payload() {
-    switch (number<std::uint8_t>()) {
-      case 0: {
-        const ByteView bytes = raw(number<std::uint64_t>(), "a payload");
-        return Bytes(bytes.begin(), bytes.end());
-      }
-      case 1:
-        return blob();
-      default:
-        fail("an unknown kind of payload");
-        return Bytes{};
-    }
-  }
-  /// Number of entries that follow.
-  std::size_t count() {
-    const auto count = number<std::uint32_t>();
-    if (count > kMostList) fail(fmt::format("a list of {}", count));
-    return ok() ? count : 0;
-  }
-  std::optional<Nanos> optional_nanos() {
-    const bool given = flag();
-    const Nanos value(number<std::int64_t>());
-    return given ? std::optional(value) : std::nullopt;
-  }
-  bool flag() {
-    const auto value = number<std::uint8_t>();
-    if (value > 1) fail("a flag that is neither 0 nor 1");
-    return value == 1;
-  }
-  Nanos duration() {
-    const Nanos value(number<std::int64_t>());
-    if (value < Nanos::zero()) fail("a negative duration");
-    return value;
-  }
-
   void fail(std::string problem) {
     if (ok()) problem_ = std::move(problem);
   }
   [[nodiscard]] bool ok() const { return problem_.empty(); }
-  [[nodiscard]] ByteView rest() { return ok() ? left_ : ByteView{}; }
   /// The problem, or that something is left over.
   [[nodiscard]] std::string finish() {
     if (!left_.empty()) fail(fmt::format("{} bytes too many", left_.size()));
@@ -157,6 +114,76 @@ class Reader {
   }
 
  private:
+  template <typename T>
+  requires std::is_integral_v<T>
+  void value(T& number) {
+    const ByteView bytes = raw(sizeof(T), "a number");
+    if (!bytes.empty()) std::memcpy(&number, bytes.data(), sizeof number);
+  }
+  template <typename T>
+  requires std::is_enum_v<T>
+  void value(T& kind) {
+    const auto read = number<std::underlying_type_t<T>>();
+    if (read > static_cast<std::underlying_type_t<T>>(T::kLast)) {
+      return fail(fmt::format("unknown kind {}", read));
+    }
+    kind = static_cast<T>(read);
+  }
+  /// It may be shown on a terminal, and written into a document.
+  void value(std::string& text) {
+    const auto size = number<std::uint32_t>();
+    if (size > kMostText) fail(fmt::format("a text of {} bytes", size));
+    for (const std::byte byte : raw(size, "a text")) {
+      const char c = static_cast<char>(byte);
+      text += c >= ' ' && c <= '~' ? c : '?';
+    }
+  }
+  void value(Digest& digest) {
+    const ByteView bytes = raw(digest.bytes.size(), "a digest");
+    if (!bytes.empty()) std::memcpy(digest.bytes.data(), bytes.data(), bytes.size());
+  }
+  void value(Nanos& time) {
+    time = Nanos(number<std::int64_t>());
+    if (time >= Nanos::zero() && time <= kLongest) return;
+    fail("a duration that is negative, or of years");
+    time = Nanos::zero();
+  }
+  void value(Payload& payload) {
+    switch (number<std::uint8_t>()) {
+      case 0: {
+        const ByteView bytes = raw(number<std::uint64_t>(), "a payload");
+        payload = Bytes(bytes.begin(), bytes.end());
+        return;
+      }
+      case 1:
+        return value(payload.emplace<Blob>());
+      default:
+        fail("an unknown kind of payload");
+    }
+  }
+  template <typename T>
+  void value(std::optional<T>& field) {
+    const auto given = number<std::uint8_t>();
+    if (given > 1) fail("a flag that is neither 0 nor 1");
+    if (ok() && given == 1) value(field.emplace());
+  }
+  template <typename T>
+  void value(std::vector<T>& list) {
+    const auto count = number<std::uint32_t>();
+    if (count > kMostList) fail(fmt::format("a list of {}", count));
+    for (std::uint32_t i = 0; i < count && ok(); ++i) value(list.emplace_back());
+  }
+  void value(Blob& blob) {
+    (*this)(blob.digest, blob.size_bytes, blob.chunk_bytes);
+    if (ok() && (blob.size_bytes == 0 || blob.size_bytes > kMostBlobBytes ||
+                 blob.chunk_bytes < kLeastChunkBytes)) {
+      fail(fmt::format("a blob of {} bytes in chunks of {}", blob.size_bytes, blob.chunk_bytes));
+    }
+  }
+  template <typename T>
+  requires std::is_class_v<T>
+  void value(T& message) { fields(*this, message); }
+
   ByteView left_;
   std::string problem_;
 };

@@ -6,10 +6,8 @@
 #include <compare>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <string>
-#include <string_view>
 
 namespace pirt::cloud {
 
@@ -19,24 +17,6 @@ struct Digest {
   /// 64 hexadecimal digits.
   [[nodiscard]] std::string hex() const;
   friend auto operator<=>(const Digest&, const Digest&) = default;
-};
-
-class Digester {
- public:
-  Digester();
-  ~Digester();
-  Digester(const Digester&) = delete;
-  Digester& operator=(const Digester&) = delete;
-  Digester& add(std::span<const std::byte> bytes);
-  Digester& add(std::uint64_t value);
-  /// Length and characters, so that ("ab", "c") and ("a", "bc") differ.
-  Digester& add(std::string_view text);
-  /// Once, at the end.
-  [[nodiscard]] Digest value();
-
- private:
-  struct Context;
-  std::unique_ptr<Context> context_;
 };
 
 [[nodiscard]] Digest digest_of(std::span<const std::byte> bytes);

@@ -4,7 +4,6 @@
 
 #include <bit>
 #include <cstring>
-#include <string_view>
 
 #include "workloads/backends/nats/wire/bytes.h"
 #include "workloads/recognition/scene_workload.h"
@@ -21,8 +20,7 @@ struct Entry {
 };
 
 Entry read_entry(Reader& in, const TensorSpec& spec) {
-  Entry entry;
-  entry.rows = in.number<std::int64_t>();
+  Entry entry{.rows = in.number<std::int64_t>(), .bytes = {}};
   const std::int64_t capacity = spec.shape.empty() ? 1 : spec.shape[0];
   const bool fits =
       entry.rows == capacity || (spec.varies && entry.rows >= 0 && entry.rows < capacity);
@@ -42,7 +40,7 @@ void fill(Tensor& tensor, const Entry& entry) {
 std::string read_entries(ByteView bytes, std::span<const TensorSpec> specs,
                          std::vector<Entry>& entries) {
   Reader in(bytes);
-  const std::size_t count = in.count();
+  const auto count = in.number<std::uint32_t>();
   if (in.ok() && count != specs.size()) {
     in.fail(fmt::format("{} tensors, and {} are expected", count, specs.size()));
   }
@@ -52,13 +50,9 @@ std::string read_entries(ByteView bytes, std::span<const TensorSpec> specs,
   return in.finish();
 }
 
-void add_specs(Digester& digester, std::span<const TensorSpec> specs) {
-  digester.add(std::uint64_t{specs.size()});
-  for (const TensorSpec& spec : specs) {
-    digester.add(static_cast<std::uint64_t>(spec.element)).add(std::uint64_t{spec.varies});
-    digester.add(std::uint64_t{spec.shape.size()});
-    for (const std::int64_t extent : spec.shape) digester.add(static_cast<std::uint64_t>(extent));
-  }
+void add_specs(Writer& out, std::span<const TensorSpec> specs) {
+  out(static_cast<std::uint32_t>(specs.size()));
+  for (const TensorSpec& spec : specs) out(spec.element, spec.varies, spec.shape);
 }
 
 }  // namespace
@@ -68,18 +62,27 @@ Bytes encode_tensors(std::span<const Tensor> tensors) {
   std::size_t size = 4;
   for (const Tensor& tensor : tensors) size += 8 + tensor.used_bytes().size();
   out.reserve(size);
-  out.number(static_cast<std::uint32_t>(tensors.size()));
-  for (const Tensor& tensor : tensors) out.number(tensor.rows()).raw(tensor.used_bytes());
+  out(static_cast<std::uint32_t>(tensors.size()));
+  for (const Tensor& tensor : tensors) out(tensor.rows()).raw(tensor.used_bytes());
   return out.take();
+}
+
+std::uint64_t encoded_bytes(std::span<const TensorSpec> specs) {
+  std::uint64_t size = 4;
+  for (const TensorSpec& spec : specs) size += 8 + static_cast<std::uint64_t>(spec.size_bytes());
+  return size;
 }
 
 Decoded<std::vector<Tensor>> decode_tensors(ByteView bytes, std::span<const TensorSpec> specs) {
   std::vector<Entry> entries;
-  if (std::string problem = read_entries(bytes, specs, entries); !problem.empty()) {
-    return {std::nullopt, std::move(problem)};
-  }
+  std::string problem = read_entries(bytes, specs, entries);
+  if (!problem.empty()) return {std::nullopt, std::move(problem)};
   auto tensors = make_tensors(specs);
-  for (std::size_t i = 0; i < tensors.size(); ++i) fill(tensors[i], entries[i]);
+  for (std::size_t i = 0; i < tensors.size() && problem.empty(); ++i) {
+    fill(tensors[i], entries[i]);
+    problem = out_of_range(tensors[i]);
+  }
+  if (!problem.empty()) return {std::nullopt, std::move(problem)};
   return {std::move(tensors), ""};
 }
 
@@ -93,18 +96,16 @@ std::string decode_tensors_into(ByteView bytes, std::span<Tensor> tensors) {
 }
 
 Digest spec_digest(const Workload& workload) {
-  Digester digester;
-  digester.add(std::string_view(workload.kernel)).add(std::string_view(workload.variant));
-  digester.add(static_cast<std::uint64_t>(workload.precision));
-  digester.add(static_cast<std::uint64_t>(workload.batch));
-  add_specs(digester, workload.inputs);
-  add_specs(digester, workload.parameters);
-  add_specs(digester, workload.outputs);
+  Writer out;
+  out(workload.kernel, workload.variant, workload.precision, workload.batch);
+  add_specs(out, workload.inputs);
+  add_specs(out, workload.parameters);
+  add_specs(out, workload.outputs);
   if (const auto* const scene =
           dynamic_cast<const recognition::DescribeByModels*>(workload.operation.get())) {
-    digester.add(std::string_view(scene->fingerprint));
+    out(scene->fingerprint);
   }
-  return digester.value();
+  return digest_of(out.take());
 }
 
 }  // namespace pirt::cloud

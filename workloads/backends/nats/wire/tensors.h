@@ -1,5 +1,6 @@
 // How tensors travel, and what it is that they are of. They are read by the specs of a workload
-// that the reader knows: their sizes never come from the wire.
+// that the reader knows: their sizes never come from the wire, and their values are in the specs'
+// ranges.
 #pragma once
 
 #include <span>
@@ -13,7 +14,10 @@ namespace pirt::cloud {
 
 /// The rows that they have.
 [[nodiscard]] Bytes encode_tensors(std::span<const Tensor> tensors);
-/// @param specs  Of the tensors that are expected: all others are a problem.
+/// At most so many bytes encode_tensors makes of these; fewer only where lists are not full.
+[[nodiscard]] std::uint64_t encoded_bytes(std::span<const TensorSpec> specs);
+/// @param specs  Of the tensors that are expected: all others are a problem, and so are values out
+///               of their ranges, and numbers that are none.
 [[nodiscard]] Decoded<std::vector<Tensor>> decode_tensors(ByteView bytes,
                                                           std::span<const TensorSpec> specs);
 /// Into tensors that are there. @return  The problem; the tensors are as they were then.

@@ -2,7 +2,7 @@
 //
 // A frame, little endian:
 //     "pNET"  u16 protocol  u8 kind  u8 0  u64 length of the body  8 bytes: SHA-256 of the body
-//     body
+//     body: the fields of the message, in order (wire.cpp)
 // Nothing that comes in is trusted: every length is checked against what is there, every count and
 // text against a limit, before anything is allocated. What does not fit is no message, with a
 // reason.
@@ -25,10 +25,10 @@ namespace pirt::cloud {
 using Bytes = std::vector<std::byte>;
 using ByteView = std::span<const std::byte>;
 
-/// Of frames and of all bodies; another one is not read.
-inline constexpr std::uint16_t kProtocol = 1;
+/// Another one is not read; 1 had its tasks on a stream.
+inline constexpr std::uint16_t kProtocol = 2;
 
-/// One task of one robot: a run of its program, and a number in it; or what follows from a key.
+/// One task of one robot: a run of its program, and a number in it.
 struct TaskId {
   std::uint64_t run = 0, number = 0;
 
@@ -54,31 +54,42 @@ inline constexpr std::uint32_t kLeastChunkBytes = 4096;
 /// What a frame carries where it fits, and else where it lies.
 using Payload = std::variant<Bytes, Blob>;
 
-/// A task on its way to a worker. Robots are told by the subject, which the server vouches for.
-struct TaskMessage {
-  TaskId task = {};
-  std::uint32_t send = 1;               ///< How often the robot has sent it, this time included.
-  std::optional<Nanos> time_left = {};  ///< To its deadline, as it was sent; absent = none.
-  Payload body = {};                    ///< A TaskBody.
+/// How many tasks a run of a robot's program has waiting: a worker may ask for one. Robots are told
+/// by the subject, which the server vouches for.
+struct OfferMessage {
+  std::uint64_t run = 0;
+  std::uint32_t waiting = 0;
 };
 
-/// What is to be computed: all of it as it was submitted, however often it is sent.
-struct TaskBody {
-  std::string workload;
-  std::vector<std::int64_t> sizes =
-      {};            ///< Of one's own, as the kind's maker takes them; else empty.
-  Digest spec = {};  ///< spec_digest of the workload, as the robot knows it.
+/// A worker asks a robot for its next task.
+struct ClaimMessage {
+  std::uint64_t run = 0;
+  std::uint64_t worker = 0;  ///< Its instance.
+};
+
+/// What a robot gives it: all that is to be computed, and the sizes of it first.
+struct TaskMessage {
+  TaskId task = {};
+  std::uint32_t send = 1;               ///< How often it was handed out, this time included.
+  std::uint32_t waiting = 0;            ///< As OfferMessage, without this one.
+  std::optional<Nanos> time_left = {};  ///< To its deadline, as it was sent; absent = none.
+  std::string workload = {};
+  /// Of one's own, as the kind's maker takes them; else empty.
+  std::vector<std::int64_t> sizes = {};
+  Digest spec = {};                     ///< spec_digest of the workload, as the robot knows it.
   std::optional<Blob> parameters = {};  ///< Absent if the workload has none.
-  ByteView tensors = {};                ///< Of encode_tensors; lies in what was decoded.
+  Payload inputs = {};                  ///< encode_tensors.
 };
 
 enum class ReplyKind : std::uint8_t {
-  kDone = 1,
-  kFailedTry,        ///< The kernel threw, or its process died.
-  kRefused,          ///< No worker of this kind ever will: unknown, another spec, wrong sizes.
-  kNeedsParameters,  ///< They are not on the stream; the task waits there.
-  kExpired,          ///< Its time was over before it began.
-  kRunning,          ///< No end: a worker has begun, or still computes.
+  kDone,
+  kFailedTry,  ///< It threw, its process died, or it was over its time: a try.
+  kRefused,    ///< This is never computed: unknown, another spec, wrong sizes, over a quota.
+  kMissing,    ///< Its parameters or inputs are not on the stream. No try.
+  kLater,      ///< No room, or no way to the stream. No try.
+  kExpired,    ///< Its time was over before it began.
+  kRunning,    ///< No end: a worker has it.
+  kLast = kRunning,
 };
 
 struct ReplyMessage {
@@ -86,35 +97,34 @@ struct ReplyMessage {
   std::uint32_t send = 1;
   ReplyKind kind = ReplyKind::kDone;
   std::string worker = {};
-  std::string problem = {};  ///< Of kFailedTry and kRefused, in one line.
+  std::string problem = {};  ///< In one line; empty if done.
   /// By the worker's clock: the computation, and all from taking the task to sending this.
   Nanos execute{0}, held{0};
   Payload outputs = {};  ///< Of kDone: encode_tensors.
 };
 
-/// The robot does not want it any more: a task that is not to be run, a blob that was read.
-struct WithdrawMessage {
+/// The robot does not want it any more.
+struct CancelMessage {
   TaskId task = {};
-  std::uint64_t sequence = 0;  ///< On the stream of tasks; 0 = unknown.
-  std::vector<Blob> blobs = {};
 };
 
-/// What a worker can do.
-struct AnnouncementMessage {
+/// What a worker can do. Said every few seconds: who says it lives.
+struct HelloMessage {
   struct Known {
-    std::string workload;
-    Digest spec;
+    std::string workload = {};
+    Digest spec = {};
     friend bool operator==(const Known&, const Known&) = default;
   };
+  std::uint64_t instance = 0;  ///< Of one start of its program.
   std::string worker = {}, version = {};
   std::uint32_t slots = 1;
   std::vector<Known> workloads = {};
 };
 
-using Message = std::variant<TaskMessage, ReplyMessage, WithdrawMessage, AnnouncementMessage>;
+using Message = std::variant<OfferMessage, ClaimMessage, TaskMessage, ReplyMessage, CancelMessage,
+                             HelloMessage>;
 
 [[nodiscard]] Bytes encode(const Message& message);
-[[nodiscard]] Bytes encode(const TaskBody& body);
 
 /// What was read, or why not.
 template <typename T>
@@ -123,7 +133,14 @@ struct Decoded {
   std::string problem;  ///< One line; empty if there is a value.
 };
 [[nodiscard]] Decoded<Message> decode(ByteView frame);
-/// @param bytes  Are there as long as the body is.
-[[nodiscard]] Decoded<TaskBody> decode_body(ByteView bytes);
+/// The same where another kind of message is a problem.
+template <typename T>
+[[nodiscard]] Decoded<T> decode_as(ByteView frame) {
+  auto decoded = decode(frame);
+  if (!decoded.value) return {std::nullopt, std::move(decoded.problem)};
+  auto* const message = std::get_if<T>(&*decoded.value);
+  if (message == nullptr) return {std::nullopt, "a message of another kind"};
+  return {std::move(*message), ""};
+}
 
 }  // namespace pirt::cloud

@@ -1,7 +1,4 @@
-#include "workloads/backends/nats/wire/own_sizes.h"
-
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include "workloads/backends/nats/wire/kind.h"
 
 #include <algorithm>
 
@@ -18,8 +15,6 @@ constexpr std::int64_t kLeastSide = 64, kMostSide = 16384;
 constexpr std::int64_t kMostPixels = std::int64_t{1} << 26;
 // A batch's.
 constexpr std::int64_t kLeastImages = 2, kMostImages = 256;
-/// Kept, since kernels refer to them.
-constexpr std::size_t kMostMade = 64;
 
 /// As the catalogue names it: fc6@batch8.
 std::string batch_suffix(std::int64_t images) { return "batch" + std::to_string(images); }
@@ -34,6 +29,27 @@ std::string wrong_sizes(const std::string& kind, std::span<const std::int64_t> s
   const bool right = sizes.size() == 2 && std::ranges::all_of(sizes, is_side) &&
                      sizes[0] * sizes[1] <= kMostPixels;
   return right ? "" : kind + ": no sizes of a picture";
+}
+
+/// @param sizes  Not wrong ones.
+std::optional<Workload> made_in(const Workload& kind, std::span<const std::int64_t> sizes) {
+  if (sizes.size() == 1) {
+    if (!kind.has_tag("dnn") || !kind.variant.empty() || kind.batch > 1) return std::nullopt;
+    Workload made = dnn::batched(kind, static_cast<int>(sizes[0]));
+    made.variant = batch_suffix(sizes[0]);
+    made.name = kind.name + "@" + made.variant;
+    return made;
+  }
+  const int width = static_cast<int>(sizes[0]), height = static_cast<int>(sizes[1]);
+  if (const auto* const scene =
+          dynamic_cast<const recognition::DescribeByModels*>(kind.operation.get())) {
+    return recognition::resized(*scene, width, height);
+  }
+  for (const vision::Entry& entry : vision::entries()) {
+    // What others' makers take, nobody asked.
+    if (entry.make(entry.width, entry.height).name == kind.name) return entry.make(width, height);
+  }
+  return std::nullopt;
 }
 
 }  // namespace
@@ -60,48 +76,25 @@ Kind kind_of(const Workload& workload) {
   return {workload.name, {image->width, image->height}};
 }
 
-OwnSizes::Found OwnSizes::find(const Workload& kind, std::span<const std::int64_t> sizes,
-                               const Digest& spec) const {
-  if (std::string problem = wrong_sizes(kind.name, sizes); !problem.empty()) {
-    return {nullptr, std::move(problem)};
+Decoded<std::shared_ptr<const Workload>> of_kind(const Workload& known,
+                                                 std::span<const std::int64_t> sizes,
+                                                 const Digest& spec) {
+  const auto refuse = [](std::string why) {
+    return Decoded<std::shared_ptr<const Workload>>{std::nullopt, std::move(why)};
+  };
+  if (spec == spec_digest(known)) return {std::shared_ptr<const Workload>(std::shared_ptr<void>(), &known), ""};
+  if (sizes.empty()) {
+    return refuse(known.name + " is something else here: other sizes, or another version of pirt");
   }
-  const std::lock_guard lock(mutex_);
-  const std::pair key(kind.name, std::vector(sizes.begin(), sizes.end()));
-  auto at = made_.find(key);
-  if (at == made_.end()) {
-    if (made_.size() >= kMostMade) {
-      return {nullptr, fmt::format("{} of {}: {} other sizes are known already", kind.name,
-                                   fmt::join(sizes, " x "), kMostMade)};
-    }
-    auto made = make(kind, sizes);
-    if (!made || made->state) return {nullptr, kind.name + ": made in one size only"};
-    at = made_.emplace(key, *std::move(made)).first;
+  if (std::string problem = wrong_sizes(known.name, sizes); !problem.empty()) {
+    return refuse(std::move(problem));
   }
-  if (spec_digest(at->second) != spec) {
-    return {nullptr,
-            kind.name + " is something else here: other models, or another version of pirt"};
+  auto made = made_in(known, sizes);
+  if (!made || made->state) return refuse(known.name + ": made in one size only");
+  if (spec_digest(*made) != spec) {
+    return refuse(known.name + " is something else here: other models, or another version of pirt");
   }
-  return {&at->second, ""};
-}
-
-std::optional<Workload> OwnSizes::make(const Workload& kind, std::span<const std::int64_t> sizes) {
-  if (sizes.size() == 1) {
-    if (!kind.has_tag("dnn") || !kind.variant.empty() || kind.batch > 1) return std::nullopt;
-    Workload made = dnn::batched(kind, static_cast<int>(sizes[0]));
-    made.variant = batch_suffix(sizes[0]);
-    made.name = kind.name + "@" + made.variant;
-    return made;
-  }
-  if (const auto* const scene =
-          dynamic_cast<const recognition::DescribeByModels*>(kind.operation.get())) {
-    return recognition::resized(*scene, static_cast<int>(sizes[0]), static_cast<int>(sizes[1]));
-  }
-  for (const vision::Entry& entry : vision::entries()) {
-    // What others' makers take, nobody asked.
-    if (entry.make(entry.width, entry.height).name != kind.name) continue;
-    return entry.make(static_cast<int>(sizes[0]), static_cast<int>(sizes[1]));
-  }
-  return std::nullopt;
+  return {std::make_shared<const Workload>(*std::move(made)), ""};
 }
 
 }  // namespace pirt::cloud

@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "workloads/backends/nats/link/administration.h"
-#include "workloads/backends/nats/worker/worker_link.h"
+#include "workloads/backends/nats/service/device_computer.h"
+#include "workloads/backends/nats/service/process_computer.h"
+#include "workloads/backends/nats/service/worker_link.h"
 #include "workloads/model/backend.h"
 
 namespace pirt::cloud {
@@ -19,23 +21,19 @@ struct ServiceEvents {
   std::function<void(const std::string&)> say;  ///< One line.
 };
 
-/// Runs a worker until it is told to stop. Makes streams and consumers that are missing, where it
-/// may.
-/// @throws Error{kEnvironment} in a build without the backend; as WorkerLink and set_up.
+/// Runs a worker until it is told to stop. Makes the stream of robot "robot", where it may.
+/// @throws Error{kEnvironment} in a build without the backend, and where the server can never
+/// serve; as WorkerLink.
 void serve(const WorkerOptions& options, std::span<const Workload* const> workloads,
            const ServiceEvents& events);
 
-/// As make_device_computer. @throws Error{kEnvironment} in a build without the backend.
+/// As make_device_computer, make_process_computer and serve_computer.
+/// @throws Error{kEnvironment} in a build without the backend.
 [[nodiscard]] std::unique_ptr<Computer> computer_on(const Backend& backend,
-                                                    const UnitRequest& request,
-                                                    std::uint64_t kept_bytes);
-
-/// As make_process_computer and serve_computer. @throws Error{kEnvironment} in a build without the
-/// backend.
-[[nodiscard]] std::unique_ptr<Computer> computer_in(std::string program,
-                                                    std::vector<std::string> arguments);
+                                                    const UnitRequest& request, const Kept& kept);
+[[nodiscard]] std::unique_ptr<Computer> computer_in(SlotProgram program);
 bool serve_slot(Computer& computer, std::span<const Workload* const> workloads,
-                std::uint64_t kept_bytes);
+                std::uint64_t call_bytes);
 
 /// As set_up, over a connection of its own.
 [[nodiscard]] std::vector<std::string> administer(const ConnectionOptions& options,

@@ -3,13 +3,11 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
-#include <mutex>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "workloads/backends/nats/wire/tensors.h"
@@ -28,24 +26,12 @@ struct Kind {
 };
 [[nodiscard]] Kind kind_of(const Workload& workload);
 
-/// Those that were asked for. Any thread.
-class OwnSizes {
- public:
-  struct Found {
-    const Workload* workload = nullptr;  ///< As long as this is there; null with a problem.
-    std::string problem = {};            ///< One line.
-  };
-  /// @param kind  Of its kind, in the size that is known here.
-  /// @param spec  What it has to be, as the other side knows it.
-  [[nodiscard]] Found find(const Workload& kind, std::span<const std::int64_t> sizes,
-                           const Digest& spec) const;
-
- private:
-  [[nodiscard]] static std::optional<Workload> make(const Workload& kind,
-                                                    std::span<const std::int64_t> sizes);
-
-  mutable std::mutex mutex_;
-  mutable std::map<std::pair<std::string, std::vector<std::int64_t>>, Workload> made_;
-};
+/// What is asked for of a kind that is known here: pure, and small whatever is asked for.
+/// @param known  Of the kind, in the size that is known here; outlives what is returned.
+/// @param spec   What it has to be, as the other side knows it.
+/// @return  Not null, or the problem in one line.
+[[nodiscard]] Decoded<std::shared_ptr<const Workload>> of_kind(const Workload& known,
+                                                               std::span<const std::int64_t> sizes,
+                                                               const Digest& spec);
 
 }  // namespace pirt::cloud

@@ -1,0 +1,87 @@
+#include "workloads/backends/nats/service/cloud_service.h"
+
+#include <fmt/core.h>
+
+#include <chrono>
+#include <thread>
+#include <utility>
+
+#include "workloads/base/error.h"
+
+namespace pirt::cloud {
+namespace {
+
+constexpr Nanos kLook = std::chrono::milliseconds(100);
+constexpr Nanos kPatience = std::chrono::seconds(5);
+
+std::string counted(const WorkerCounts& counts) {
+  return fmt::format(
+      "{} taken, {} done, {} failed, {} refused, {} missed, {} returned, {} expired, {} cancelled, "
+      "{} malformed",
+      counts.taken, counts.done, counts.failed, counts.refused, counts.missed, counts.returned,
+      counts.expired, counts.cancelled, counts.malformed);
+}
+
+/// Once there is a link. Where an administrator makes the streams, a worker may not.
+void look_at_server(Connection& connection, const ServiceEvents& events) {
+  if (connection.chunk_bytes() == 0) throw_environment(connection.why_no_chunks());
+  const std::string first = "$JS.API.STREAM.INFO.PIRT_" + Setup{}.robots[0];
+  if (!connection.request(first, "", std::chrono::seconds(1)).came) return;
+  for (const std::string& line : set_up(connection, {})) events.say(line);
+}
+
+}  // namespace
+
+void serve(const WorkerOptions& options, std::span<const Workload* const> workloads,
+           const ServiceEvents& events) {
+  WorkerLink worker(options, workloads);
+  Connection& connection = worker.connection();
+  const std::string server = public_url(options.connection.server);
+  bool was_up = false, checked = false;
+  std::string said;
+  while (!events.stop()) {
+    const bool up = connection.is_up();
+    if (up != was_up) {
+      events.say((up ? "connected to " : "lost ") + server);
+      was_up = up;
+    }
+    if (up && !checked) {
+      checked = true;
+      look_at_server(connection, events);
+      events.say(fmt::format("worker {} with {} slot{}", options.name, options.limits.slots,
+                             options.limits.slots == 1 ? "" : "s"));
+    }
+    const std::string why = up ? worker.problem() : connection.why_down();
+    if (why != said && !why.empty()) events.say(up ? why : server + ": " + why);
+    said = why;
+    std::this_thread::sleep_for(kLook);
+  }
+  events.say(counted(worker.counts()));
+}
+
+std::unique_ptr<Computer> computer_on(const Backend& backend, const UnitRequest& request,
+                                      const Kept& kept) {
+  return make_device_computer(backend, request, kept);
+}
+
+std::unique_ptr<Computer> computer_in(SlotProgram program) {
+  return make_process_computer(std::move(program));
+}
+
+bool serve_slot(Computer& computer, std::span<const Workload* const> workloads,
+                std::uint64_t call_bytes) {
+  return serve_computer(computer, Admission(workloads, call_bytes));
+}
+
+std::vector<std::string> administer(const ConnectionOptions& options, const Setup& setup) {
+  Connection connection(options, {});
+  if (!connection.wait_until_up(kPatience)) {
+    throw_environment("no connection to server " + public_url(options.server) + ": " +
+                      connection.why_down());
+  }
+  return set_up(connection, setup);
+}
+
+std::string permissions_of(std::span<const std::string> robots) { return permissions(robots); }
+
+}  // namespace pirt::cloud

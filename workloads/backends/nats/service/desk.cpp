@@ -1,0 +1,138 @@
+#include "workloads/backends/nats/service/desk.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <tuple>
+
+namespace pirt::cloud {
+
+/// One that was not there, or idle, has used as much as the least of the others: nobody saves up.
+Desk::Robot& Desk::robot_of(const std::string& name, Nanos now) {
+  if (!robots_.contains(name) && robots_.size() >= limits_.most_robots) {
+    const auto idle = std::ranges::min_element(robots_, {}, [](const auto& each) {
+      return std::tuple(each.second.slots, each.second.heard);
+    });
+    if (idle->second.slots == 0) robots_.erase(idle);
+  }
+  const auto [at, is_new] = robots_.try_emplace(name);
+  Robot& robot = at->second;
+  if (is_new || (robot.slots == 0 && robot.heard + limits_.active < now)) {
+    Nanos least = Nanos::max();
+    for (const auto& [other, each] : robots_) {
+      if (other != name && each.heard + limits_.active >= now) least = std::min(least, each.used);
+    }
+    if (least != Nanos::max()) robot.used = std::max(robot.used, least);
+  }
+  robot.heard = now;
+  return robot;
+}
+
+void Desk::offered(const std::string& name, std::uint64_t run, std::uint32_t waiting, Nanos now) {
+  Robot& robot = robot_of(name, now);
+  if (!robot.runs.contains(run) && robot.runs.size() >= limits_.most_runs) {
+    robot.runs.erase(std::ranges::min_element(robot.runs, {},
+                                              [](const auto& each) { return each.second.heard; }));
+  }
+  robot.runs[run] = {waiting, now};
+  if (const auto asked = find_claim(name, run); waiting == 0 && asked != asked_.end()) {
+    answered(asked);
+  }
+}
+
+std::optional<Desk::Claim> Desk::claim(Nanos now) {
+  forget(now);
+  if (computing_ + std::ssize(asked_) >= limits_.slots) return std::nullopt;
+  const auto active = std::ranges::count_if(
+      robots_, [&](const auto& each) { return each.second.heard + limits_.active >= now; });
+  const auto share = (limits_.slots + std::max<std::ptrdiff_t>(active, 1) - 1) /
+                     std::max<std::ptrdiff_t>(active, 1);
+  const auto runs_of = [&](Robot& robot) {
+    return std::ranges::find_if(robot.runs, [&](const auto& each) {
+      return each.second.waiting > 0 && each.second.heard + limits_.offer >= now;
+    });
+  };
+  std::pair<const std::string, Robot>* next = nullptr;
+  for (auto& each : robots_) {
+    if (each.second.slots >= share || runs_of(each.second) == each.second.runs.end()) continue;
+    const auto order = [](const Robot& robot) { return std::tuple(robot.slots, robot.used); };
+    if (next == nullptr || order(each.second) < order(next->second)) next = &each;
+  }
+  if (next == nullptr) return std::nullopt;
+  auto& [run, state] = *runs_of(next->second);
+  --state.waiting;
+  ++next->second.slots;
+  asked_.push_back({{next->first, run}, now});
+  return asked_.back().claim;
+}
+
+std::vector<Desk::Asked>::iterator Desk::find_claim(const std::string& robot, std::uint64_t run) {
+  return std::ranges::find_if(asked_, [&](const Asked& each) {
+    return each.claim.robot == robot && each.claim.run == run;
+  });
+}
+
+void Desk::answered(std::vector<Asked>::iterator asked) {
+  --robots_.at(asked->claim.robot).slots;
+  asked_.erase(asked);
+}
+
+bool Desk::expects(const std::string& robot) const {
+  return computing_ + std::ssize(asked_) < limits_.slots ||
+         std::ranges::any_of(asked_, [&](const Asked& each) { return each.claim.robot == robot; });
+}
+
+bool Desk::take(const std::string& name, std::uint64_t run, std::uint32_t waiting, Nanos now) {
+  if (const auto asked = find_claim(name, run); asked != asked_.end()) {
+    answered(asked);
+  } else if (computing_ + std::ssize(asked_) >= limits_.slots) {
+    return false;
+  }
+  offered(name, run, waiting, now);
+  ++robots_.at(name).slots;
+  ++computing_;
+  return true;
+}
+
+void Desk::finished(const std::string& name, Nanos used, bool failed, Nanos now) {
+  --computing_;
+  Robot& robot = robots_.at(name);
+  --robot.slots;
+  robot.used += used;
+  if (failed) robot.failures.push_back(now);
+}
+
+std::string Desk::why_refused(const std::string& name, Nanos now) {
+  auto& failures = robot_of(name, now).failures;
+  while (!failures.empty() && failures.front() + limits_.failure_window <= now) {
+    failures.pop_front();
+  }
+  if (failures.size() < limits_.most_failures) return "";
+  return fmt::format(
+      "robot {}: {} of its calls ended a process of this worker within {:.0f} s; it is refused "
+      "until they are older",
+      name, failures.size(), to_s(limits_.failure_window));
+}
+
+/// A claim that ran out held a slot for as long: that is its robot's time.
+void Desk::forget(Nanos now) {
+  for (auto at = asked_.begin(); at != asked_.end();) {
+    if (at->since + limits_.claim > now) {
+      ++at;
+      continue;
+    }
+    Robot& robot = robots_.at(at->claim.robot);
+    --robot.slots;
+    robot.used += now - at->since;
+    robot.runs.erase(at->claim.run);
+    at = asked_.erase(at);
+  }
+}
+
+Nanos Desk::next_wake() const {
+  Nanos next = Nanos::max();
+  for (const Asked& each : asked_) next = std::min(next, each.since + limits_.claim);
+  return next;
+}
+
+}  // namespace pirt::cloud

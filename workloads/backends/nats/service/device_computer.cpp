@@ -1,0 +1,141 @@
+#include "workloads/backends/nats/service/device_computer.h"
+
+#include <malloc.h>
+
+#include <algorithm>
+#include <list>
+#include <map>
+#include <utility>
+
+namespace pirt::cloud {
+namespace {
+
+/// Of this process's heap.
+std::uint64_t held_bytes() {
+  const struct mallinfo2 info = ::mallinfo2();
+  return info.uordblks + info.hblkhd;
+}
+
+class DeviceComputer : public Computer {
+ public:
+  DeviceComputer(const Backend& backend, const UnitRequest& request, const Kept& kept)
+      : kept_(kept), device_(backend.open(request)), empty_bytes_(held_bytes()) {}
+
+  void compute(const Call& call, ReplyMessage& reply) override {
+    auto inputs = decode_tensors(call.inputs(), call.workload->inputs);
+    if (!inputs.value) {
+      reply.kind = ReplyKind::kRefused;
+      reply.problem = call.workload->name + ": " + inputs.problem;
+      return;
+    }
+    const std::uint64_t before = held_bytes();
+    const auto at = prepared(call, reply);
+    if (at == entries_.end()) return;
+    std::vector<Tensor> outputs = make_tensors(call.workload->outputs);
+    try {
+      const Nanos begin = clock_.now();
+      at->kernel->bind(*inputs.value, outputs);
+      at->kernel->upload();
+      static_cast<void>(at->kernel->execute(1));
+      at->kernel->download();
+      at->kernel->unbind();
+      reply.execute = clock_.now() - begin;
+    } catch (...) {
+      entries_.erase(at);  // Nobody knows what it refers to.
+      throw;
+    }
+    const std::uint64_t call_bytes = encoded_bytes(call.workload->outputs), now = held_bytes();
+    if (now > before + call_bytes) {
+      at->bytes = std::max(at->bytes, now - before - call_bytes);
+    }
+    reply.outputs = encode_tensors(outputs);
+    inputs.value->clear();
+    outputs.clear();
+    keep_to_limits();
+  }
+
+ private:
+  using Key = std::pair<Digest, Digest>;  ///< Spec, and parameters' content: both decide.
+  struct Entry {
+    Key key;
+    std::string robot;
+    std::uint64_t bytes = 0;
+    std::shared_ptr<const Workload> workload;
+    std::vector<Tensor> parameters;  ///< As long as the kernel, which may read them.
+    std::unique_ptr<Kernel> kernel;
+  };
+  using Entries = std::list<Entry>;
+
+  /// @return  The end where the parameters are not to be had: the reply says why.
+  Entries::iterator prepared(const Call& call, ReplyMessage& reply) {
+    Key key{call.task.spec, {}};
+    if (call.task.parameters) key.second = call.task.parameters->digest;
+    const auto known = std::ranges::find(entries_, key, &Entry::key);
+    if (known != entries_.end()) {
+      entries_.splice(entries_.begin(), entries_, known);
+      return entries_.begin();
+    }
+    Entry made{key, call.robot, 0, call.workload, {}, nullptr};
+    if (call.task.parameters) {
+      const auto bytes = call.parameters(reply);
+      if (!bytes) return entries_.end();
+      auto decoded = decode_tensors(*bytes, call.workload->parameters);
+      if (!decoded.value) {
+        reply.kind = ReplyKind::kRefused;
+        reply.problem = call.workload->name + ": parameters: " + decoded.problem;
+        return entries_.end();
+      }
+      made.parameters = std::move(*decoded.value);
+    }
+    made.bytes = encoded_bytes(call.workload->inputs) + encoded_bytes(call.workload->parameters) +
+                 encoded_bytes(call.workload->outputs);
+    made.kernel = device_->prepare(*made.workload, made.parameters);
+    entries_.push_front(std::move(made));
+    return entries_.begin();
+  }
+
+  /// A kernel may hold what its tensors do not show, and memory that is none of this heap's: the
+  /// larger of both counts.
+  void keep_to_limits() {
+    bool any = false;
+    while (!entries_.empty()) {
+      std::uint64_t counted = 0;
+      std::map<std::string, std::pair<std::uint64_t, std::size_t>> robots;
+      for (const Entry& each : entries_) {
+        counted += each.bytes;
+        robots[each.robot].first += each.bytes;
+        ++robots[each.robot].second;
+      }
+      const std::uint64_t now = held_bytes();
+      const auto over = std::ranges::find_if(
+          robots, [&](const auto& each) { return each.second.second > kept_.kernels; });
+      const bool full = std::max(counted, now - std::min(now, empty_bytes_)) > kept_.bytes;
+      if (!full && over == robots.end()) break;
+      const auto most =
+          std::ranges::max_element(robots, {}, [](const auto& each) { return each.second.first; });
+      const std::string& whose = over != robots.end() ? over->first : most->first;
+      const auto oldest = std::find_if(entries_.rbegin(), entries_.rend(),
+                                       [&](const Entry& each) { return each.robot == whose; });
+      entries_.erase(std::next(oldest).base());
+      any = true;
+    }
+    if (any) ::malloc_trim(0);
+    // What libraries keep for themselves is none of an entry's.
+    if (entries_.empty()) empty_bytes_ = held_bytes();
+  }
+
+  Kept kept_;
+  MachineClock clock_;
+  std::unique_ptr<Device> device_;
+  std::uint64_t empty_bytes_;
+  Entries entries_;  ///< The one that was used last is the first. Kernels go before their device.
+};
+
+}  // namespace
+
+std::unique_ptr<Computer> make_device_computer(const Backend& backend, const UnitRequest& request,
+                                               const Kept& kept) {
+  return std::make_unique<DeviceComputer>(backend, request, kept);
+}
+
+}  // namespace pirt::cloud

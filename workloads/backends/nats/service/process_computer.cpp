@@ -1,0 +1,253 @@
+#include "workloads/backends/nats/service/process_computer.h"
+
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "workloads/base/error.h"
+#include "workloads/base/system/child.h"
+
+namespace pirt::cloud {
+namespace {
+
+// A call: the robot's name and a frame with the task; where the answer is that its parameters are
+// missing, those, or nothing for none; then a frame with the reply. Each with its length before it.
+
+constexpr std::uint64_t kMostFrame = kMostBlobBytes + (1 << 20);
+
+class Line {
+ public:
+  /// @param goes_on  Asked several times a second while the other end says nothing; may be empty.
+  explicit Line(int descriptor, std::function<bool()> goes_on = {})
+      : descriptor_(descriptor), goes_on_(std::move(goes_on)) {}
+
+  [[nodiscard]] bool put(ByteView bytes) const {
+    const std::uint64_t size = bytes.size();
+    return put_all(std::as_bytes(std::span(&size, 1))) && put_all(bytes);
+  }
+  /// @param most  Of bytes: more is no message of the other end's.
+  [[nodiscard]] bool get(Bytes& bytes, std::uint64_t most) const {
+    std::uint64_t size = 0;
+    if (!get_all(std::as_writable_bytes(std::span(&size, 1))) || size > most) return false;
+    bytes.resize(static_cast<std::size_t>(size));
+    return get_all(bytes);
+  }
+
+ private:
+  [[nodiscard]] bool wait(short events) const {
+    constexpr int kLookMs = 100;
+    pollfd ready{descriptor_, events, 0};
+    while (!goes_on_ || goes_on_()) {
+      const int count = ::poll(&ready, 1, goes_on_ ? kLookMs : -1);
+      if (count > 0) return true;
+      if (count < 0 && errno != EINTR) return false;
+    }
+    return false;
+  }
+  [[nodiscard]] bool put_all(ByteView left) const {
+    while (!left.empty()) {
+      if (!wait(POLLOUT)) return false;
+      const ssize_t sent =
+          ::send(descriptor_, left.data(), left.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+      if (sent < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+      if (sent <= 0) return false;
+      left = left.subspan(static_cast<std::size_t>(sent));
+    }
+    return true;
+  }
+  [[nodiscard]] bool get_all(std::span<std::byte> left) const {
+    while (!left.empty()) {
+      if (!wait(POLLIN)) return false;
+      const ssize_t got = ::recv(descriptor_, left.data(), left.size(), MSG_DONTWAIT);
+      if (got < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+      if (got <= 0) return false;
+      left = left.subspan(static_cast<std::size_t>(got));
+    }
+    return true;
+  }
+
+  int descriptor_;
+  std::function<bool()> goes_on_;
+};
+
+class ProcessComputer : public Computer {
+ public:
+  explicit ProcessComputer(SlotProgram program) : program_(std::move(program)) {}
+  ~ProcessComputer() override { static_cast<void>(end()); }
+  ProcessComputer(const ProcessComputer&) = delete;
+  ProcessComputer& operator=(const ProcessComputer&) = delete;
+
+  void compute(const Call& call, ReplyMessage& reply) override {
+    if (process_ <= 0) start();
+    const Nanos begin = clock_.now();
+    Nanos until = begin + program_.call_limit;
+    bool ends = false;
+    const Line line(line_, [&] {
+      if (!ends && call.stop())
+        ends = true, until = std::min(until, clock_.now() + program_.end_limit);
+      return clock_.now() < until;
+    });
+    // The way of the parameters is none of the process's time.
+    const auto parameters = [&](ReplyMessage& why) {
+      const Nanos asked = clock_.now();
+      auto bytes = call.parameters(why);
+      until += clock_.now() - asked;
+      return bytes;
+    };
+    if (exchange(line, {call.robot, call.task, call.workload, parameters}, reply)) return;
+    const bool over = clock_.now() >= until;
+    if (over) ::kill(process_, SIGKILL);
+    const std::string how = end();
+    if (over && ends) {
+      reply.kind = ReplyKind::kLater;
+      reply.problem = "the worker ends";
+      return;
+    }
+    throw_environment(over ? fmt::format("it was over its limit of {:.3g} s (pirt cloud-worker "
+                                         "--call-limit): its process was killed",
+                                         to_s(program_.call_limit))
+                           : "its process " + how);
+  }
+  [[nodiscard]] bool is_gone() const override { return process_ <= 0; }
+
+ private:
+  /// @return  False once the line has ended.
+  static bool exchange(const Line& line, const Call& call, ReplyMessage& reply) {
+    const std::uint64_t most = encoded_bytes(call.workload->outputs) + (64 << 10);
+    Bytes bytes;
+    if (!line.put(std::as_bytes(std::span(call.robot))) || !line.put(encode(call.task)) ||
+        !line.get(bytes, most)) {
+      return false;
+    }
+    auto said = decode_as<ReplyMessage>(bytes);
+    if (said.value && said.value->kind == ReplyKind::kMissing) {
+      const auto parameters = call.parameters(reply);
+      if (!line.put(parameters ? ByteView(*parameters) : ByteView())) return false;
+      if (!parameters) return true;
+      if (!line.get(bytes, most)) return false;
+      said = decode_as<ReplyMessage>(bytes);
+    }
+    const bool fits = said.value && std::holds_alternative<Bytes>(said.value->outputs);
+    if (!fits || said.value->kind == ReplyKind::kMissing) return false;
+    reply.kind = said.value->kind;
+    reply.problem = said.value->problem;
+    reply.execute = said.value->execute;
+    reply.outputs = std::move(said.value->outputs);
+    return true;
+  }
+
+  void start() {
+    std::vector<char*> raw = {program_.program.data()};
+    for (std::string& each : program_.arguments) raw.push_back(each.data());
+    raw.push_back(nullptr);
+    int ends[2];
+    if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) {
+      throw_environment(fmt::format("no line to a process: {}", std::strerror(errno)));
+    }
+    const pid_t parent = ::getpid();
+    process_ = ::fork();
+    if (process_ == 0) {
+      // Only what is safe between fork and exec.
+      begin_child(parent, STDERR_FILENO + 1);
+      ::setpgid(0, 0);  // a terminal's Ctrl-C is for the worker
+      if (ends[1] == kSlotDescriptor) {
+        ::fcntl(ends[1], F_SETFD, 0);
+      } else {
+        ::dup2(ends[1], kSlotDescriptor);
+      }
+      ::execv(raw[0], raw.data());
+      ::_exit(127);
+    }
+    const int error = errno;
+    ::close(ends[1]);
+    line_ = ends[0];
+    if (process_ > 0) return;
+    ::close(std::exchange(line_, -1));
+    throw_environment(fmt::format("no process could be started: {}", std::strerror(error)));
+  }
+
+  /// One that does not end with its line is killed. @return  How it ended.
+  std::string end() {
+    if (line_ >= 0) ::close(std::exchange(line_, -1));
+    if (process_ <= 0) return "is not there";
+    int status = 0;
+    const Nanos until = clock_.now() + program_.end_limit;
+    while (::waitpid(process_, &status, WNOHANG) == 0) {
+      if (clock_.now() >= until) ::kill(process_, SIGKILL);
+      ::usleep(1000);
+    }
+    process_ = -1;
+    if (WIFSIGNALED(status)) {
+      const int signal = WTERMSIG(status);
+      const char* const name = ::sigabbrev_np(signal);
+      return fmt::format("died (SIG{})", name != nullptr ? name : std::to_string(signal));
+    }
+    return fmt::format("ended with code {}", WEXITSTATUS(status));
+  }
+
+  SlotProgram program_;
+  MachineClock clock_;
+  pid_t process_ = -1;
+  int line_ = -1;
+};
+
+/// @param has_parameters  False where the other end has none: it waits for no reply then.
+/// @return  False once the line has ended.
+bool compute_task(Computer& computer, const Admission& admission, const Line& line,
+                  const std::string& robot, const TaskMessage& task, ReplyMessage& reply,
+                  bool& has_parameters) {
+  const auto workload = admission.admit(task);
+  if (!workload.value || !std::holds_alternative<Bytes>(task.inputs)) {
+    reply.kind = ReplyKind::kRefused;
+    reply.problem = workload.value ? "its inputs are elsewhere" : workload.problem;
+    return true;
+  }
+  bool there = true;
+  const auto parameters = [&](ReplyMessage&) -> std::optional<Bytes> {
+    Bytes bytes;
+    there = line.put(encode(ReplyMessage{.kind = ReplyKind::kMissing})) &&
+            line.get(bytes, encoded_bytes((*workload.value)->parameters));
+    has_parameters = there && !bytes.empty();
+    return has_parameters ? std::optional(std::move(bytes)) : std::nullopt;
+  };
+  computer.compute({robot, task, *workload.value, parameters}, reply);
+  return there;
+}
+
+}  // namespace
+
+std::unique_ptr<Computer> make_process_computer(SlotProgram program) {
+  return std::make_unique<ProcessComputer>(std::move(program));
+}
+
+bool serve_computer(Computer& computer, const Admission& admission, int descriptor) {
+  const Line line(descriptor);
+  Bytes name, frame;
+  while (line.get(name, 64) && line.get(frame, kMostFrame)) {
+    const std::string robot(reinterpret_cast<const char*>(name.data()), name.size());
+    const auto task = decode_as<TaskMessage>(frame);
+    if (!task.value) return false;
+    ReplyMessage reply;
+    bool there = true, has_parameters = true;
+    try {
+      there = compute_task(computer, admission, line, robot, *task.value, reply, has_parameters);
+    } catch (const std::exception& error) {
+      reply.kind = ReplyKind::kFailedTry;
+      reply.problem = one_line(error.what());
+      if (reply.problem.empty()) reply.problem = "an error without words";
+    }
+    if (!there || (has_parameters && !line.put(encode(reply)))) return false;
+  }
+  return true;
+}
+
+}  // namespace pirt::cloud

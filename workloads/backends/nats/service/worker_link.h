@@ -1,0 +1,115 @@
+// The worker's end: asks robots for tasks as its Desk (desk.h) says, over a connection, and hands
+// what was admitted to whoever computes.
+//
+// A thread claims, says that tasks are computed, and that the worker lives; one a slot computes.
+// What is computed comes from the list of workloads that it was given: no code, no path, no size
+// comes from the wire. Nothing is kept of a robot but what its tasks that are computed need.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "workloads/backends/nats/link/connection.h"
+#include "workloads/backends/nats/service/computer.h"
+#include "workloads/backends/nats/service/desk.h"
+
+namespace pirt::cloud {
+
+struct WorkerOptions {
+  ConnectionOptions connection = {};
+  std::string name = "worker";                          ///< Beside others'.
+  std::string version = {};                             ///< Of pirt.
+  DeskLimits limits = {};                               ///< With the slots.
+  std::uint64_t call_bytes = std::uint64_t{512} << 20;  ///< Of a call's tensors.
+  Nanos hello = std::chrono::seconds(2);                ///< Between announcements,
+  Nanos progress = std::chrono::seconds(2);             ///< and signs of life of a task.
+  /// Called from the slot's thread, when it begins.
+  std::function<std::unique_ptr<Computer>()> make_computer;
+};
+
+struct WorkerCounts {
+  std::int64_t taken = 0;      ///< = done + failed + refused + missed + returned + expired +
+                               ///< cancelled, once each has ended.
+  std::int64_t malformed = 0;  ///< Messages that were none, or that nobody had asked for.
+  std::int64_t done = 0, failed = 0, refused = 0, expired = 0;
+  std::int64_t missed = 0;     ///< Their parameters or inputs were not there.
+  std::int64_t returned = 0;   ///< For want of room, or as the worker ended.
+  std::int64_t cancelled = 0;  ///< Nobody wanted them any more.
+};
+
+/// Any thread may call it.
+class WorkerLink {
+ public:
+  /// Returns at once, whether or not there is a server.
+  /// @param workloads  Are there as long as this is.
+  /// @throws As Connection.
+  WorkerLink(const WorkerOptions& options, std::span<const Workload* const> workloads);
+  /// Waits for what is computed, as long as its computer lets it.
+  ~WorkerLink();
+  WorkerLink(const WorkerLink&) = delete;
+  WorkerLink& operator=(const WorkerLink&) = delete;
+
+  [[nodiscard]] WorkerCounts counts() const;
+  /// What the server said last, or what was wrong with a robot's message; empty = nothing.
+  [[nodiscard]] std::string problem() const;
+  [[nodiscard]] Connection& connection() { return *connection_; }
+
+ private:
+  /// A task that has a slot.
+  struct Job {
+    std::string robot;
+    TaskMessage message;
+    std::string refused = {};  ///< Why it is not to be computed.
+    Nanos taken{0}, said{0};
+    std::atomic<bool> unwanted = false;
+  };
+  using Jobs = std::list<std::shared_ptr<Job>>;
+
+  void serve(const std::stop_token& stop);
+  void compute(const std::stop_token& stop, std::size_t slot);
+  void run(Computer& computer, const Job& job, ReplyMessage& reply);
+  [[nodiscard]] bool fetch(const Job& job, std::string_view what, const std::string& name,
+                           const Blob& blob, Bytes& bytes, ReplyMessage& reply);
+  void store_outputs(const Job& job, ReplyMessage& reply);
+  void finish(const std::shared_ptr<Job>& job, ReplyMessage reply, bool gone);
+  void say(const Job& job, ReplyMessage reply);
+  void say_hello();
+  void on_offer(const Incoming& message);
+  void on_task(const Incoming& message);
+  void on_cancel(const Incoming& message);
+  void count_malformed(const std::string& robot, const std::string& problem);
+  [[nodiscard]] bool ends() const { return stopping_; }
+
+  WorkerOptions options_;
+  std::uint64_t instance_ = 0;
+  Admission admission_;
+  MachineClock clock_;
+
+  mutable std::mutex mutex_;  ///< Of what follows.
+  std::condition_variable_any changed_, waiting_changed_;
+  Desk desk_;
+  bool offered_ = false;  ///< Something is new since a claim was looked for.
+  Nanos hello_at_{0};
+  Jobs jobs_;                                 ///< All that have a slot;
+  std::deque<std::shared_ptr<Job>> waiting_;  ///< of those, the ones that no thread has yet.
+  WorkerCounts counts_;
+  std::string problem_;
+
+  std::atomic<bool> stopping_ = false;
+  std::vector<std::jthread> slots_;
+  std::jthread server_;
+  std::unique_ptr<Connection> connection_;  ///< Last: its handlers use the rest.
+};
+
+}  // namespace pirt::cloud
