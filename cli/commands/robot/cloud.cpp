@@ -117,10 +117,11 @@ std::vector<std::string> slot_arguments(const CloudFlags& options) {
 int work_in_slot(const CloudFlags& options) {
   const Backend& backend = find_backend(options.unit);
   const auto bytes = static_cast<std::uint64_t>(options.cache_mb) << 20;
-  const auto computer = cloud::computer_on(
+  const auto computer = cloud::make_device_computer(
       backend, {.unit = options.unit, .cores = {}, .device = {}, .script = {}}, {.bytes = bytes});
   const auto own = description(options);
-  return cloud::serve_slot(*computer, known_on(backend, own), bytes) ? 0 : kExitEnvironment;
+  const auto known = known_on(backend, own);
+  return cloud::serve_computer(*computer, cloud::Admission(known, bytes)) ? 0 : kExitEnvironment;
 }
 
 int work(const CloudFlags& options) {
@@ -133,7 +134,7 @@ int work(const CloudFlags& options) {
       .limits = {.slots = options.slots},
       .call_bytes = static_cast<std::uint64_t>(options.cache_mb) << 20,
       .make_computer = [&options] {
-        return cloud::computer_in({.program = "/proc/self/exe",
+        return cloud::make_process_computer({.program = "/proc/self/exe",
                                    .arguments = slot_arguments(options),
                                    .call_limit = parse_duration(options.call_limit)});
       }};
@@ -209,7 +210,7 @@ void add_cloud_admin(CLI::App& app, Action& action) {
       "r1,r2");
   command.runs(action, [options, what] {
     if (*what == "setup") return administer(*options);
-    emit_text(cloud::permissions_of(options->robots), {});
+    emit_text(cloud::permissions(options->robots), {});
     return 0;
   });
 }

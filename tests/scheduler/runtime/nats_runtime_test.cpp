@@ -6,7 +6,7 @@
 #include "scheduler/runtime/runtime.h"
 #include "tests/scheduler/support.h"
 #include "tests/workloads/backends/nats/nats_server.h"
-#include "workloads/backends/nats/service/device_computer.h"
+#include "workloads/backends/nats/service/computer.h"
 #include "workloads/backends/registry.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"

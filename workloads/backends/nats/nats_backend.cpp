@@ -13,7 +13,7 @@
 #include "workloads/backends/nats/link/blobs.h"
 #include "workloads/backends/nats/nats_settings.h"
 #include "workloads/backends/nats/robot/robot_link.h"
-#include "workloads/backends/nats/wire/kind.h"
+#include "workloads/backends/nats/wire/tensors.h"
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/yaml.h"

@@ -10,8 +10,7 @@
 
 #include "tests/workloads/backends/nats/nats_server.h"
 #include "workloads/backends/nats/link/blobs.h"
-#include "workloads/backends/nats/service/device_computer.h"
-#include "workloads/backends/nats/service/process_computer.h"
+#include "workloads/backends/nats/service/computer.h"
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/math/random.h"

@@ -12,7 +12,7 @@
 #include <thread>
 
 #include "tests/support/long.h"
-#include "workloads/backends/nats/service/process_computer.h"
+#include "workloads/backends/nats/service/computer.h"
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"

@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/link/address.h"
+#include "workloads/backends/nats/link/connection.h"
 
 #include <algorithm>
 #include <cstdlib>

@@ -108,12 +108,6 @@ std::vector<std::string> set_up(Connection& connection, const Setup& setup) {
   return done;
 }
 
-void remove_robot(Connection& connection, const std::string& robot) {
-  const auto removed =
-      ask_server(connection, "STREAM.DELETE." + blob_stream(robot), Json::object());
-  if (removed.error != 0) throw_environment("robot " + robot + ": " + removed.why);
-}
-
 RobotStream read_stream_info(const Connection::Answer& answer, const std::string& robot) {
   const auto json = try_parse_json(text_of(answer.data));
   if (json && json->is_object() && json->contains("config")) {

@@ -24,9 +24,6 @@ struct Setup {
 /// server, or it refuses, with the remedy.
 std::vector<std::string> set_up(Connection& connection, const Setup& setup);
 
-/// Removes the robot's stream, with all that is on it.
-void remove_robot(Connection& connection, const std::string& robot);
-
 /// What STREAM.INFO said of a robot's stream.
 struct RobotStream {
   std::uint64_t most_bytes = 0;

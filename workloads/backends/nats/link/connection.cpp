@@ -5,10 +5,10 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cctype>
 #include <condition_variable>
 #include <cstdlib>
 #include <mutex>
+#include <random>
 #include <utility>
 #include <vector>
 
@@ -26,8 +26,6 @@ constexpr std::size_t kLargestChunk = std::size_t{512} << 10;
 constexpr std::size_t kMostMessage = std::size_t{64} << 20;  ///< More no server takes.
 /// For the library's threads to have seen the end.
 constexpr Nanos kEnd = std::chrono::seconds(5);
-/// Until a connection that the library has given up is made anew.
-constexpr Nanos kAgain = std::chrono::seconds(1);
 
 std::int64_t ms(Nanos time) {
   return std::max<std::int64_t>(
@@ -37,9 +35,7 @@ std::int64_t ms(Nanos time) {
 void throw_unless(natsStatus status, const std::string& what) {
   if (status == NATS_OK) return;
   const char* const last = nats_GetLastError(nullptr);
-  throw_environment(fmt::format("{}: {}{}{}", what, natsStatus_GetText(status),
-                                last != nullptr && *last != 0 ? ": " : "",
-                                last != nullptr ? last : ""));
+  throw_environment(what + (last != nullptr && *last != 0 ? last : natsStatus_GetText(status)));
 }
 
 struct DestroyOptions {
@@ -65,8 +61,14 @@ int status_of(natsMsg* message) {
 }  // namespace
 
 struct Connection::State {
+  struct Wanted {
+    std::string subject;
+    Handler handler;
+    std::int64_t most_bytes = 0;
+  };
+  /// What the library has of one: it knows of no destructor's end.
   struct Subscription {
-    std::weak_ptr<State> state;
+    std::shared_ptr<State> state;
     Handler handler;
   };
 
@@ -75,97 +77,60 @@ struct Connection::State {
   std::string inbox;
   std::atomic<bool> up = false;
 
-  std::mutex opening;  ///< Who makes a handle or a subscription; before the other one.
-  std::mutex mutex;    ///< Of what follows.
+  std::mutex mutex;  ///< Of what follows.
   std::condition_variable_any changed;
-  std::shared_ptr<natsConnection> handle;  ///< Null before the first one is there.
-  std::string
-      refusal;  ///< What the first try of the handle came to; the library keeps no later one.
-  struct Wanted {
-    std::string subject;
-    Handler handler;
-    std::int64_t most_bytes = 0;
-  };
+  std::shared_ptr<natsConnection> handle;        ///< Null while there is none.
+  std::string why_down;                          ///< What the last try came to.
   std::vector<Wanted> wanted;                    ///< What is subscribed to,
   std::vector<natsSubscription*> subscriptions;  ///< and how, over the handle.
-  bool closed = false;                           ///< The handle, by us or by the library.
+  bool lost = false;                             ///< The handle.
   int dispatching = 0;  ///< Subscriptions whose last message may not have been handled.
 
   [[nodiscard]] std::shared_ptr<natsConnection> current() {
     const std::lock_guard lock(mutex);
     return handle;
   }
-
-  // A handler of the library's gets a pointer to a shared one of its own.
-  using Shared = std::shared_ptr<State>;
-  static State& of(void* closure) { return **static_cast<Shared*>(closure); }
-
-  static void on_up(natsConnection*, void* closure) {
-    State& state = of(closure);
-    {
-      const std::lock_guard lock(state.mutex);
-      state.up = true;
-    }
-    state.changed.notify_all();
-    if (state.events.up) state.events.up();
+  void say(const std::string& problem) const {
+    if (events.problem) events.problem(problem);
   }
-  static void on_down(natsConnection*, void* closure) {
-    State& state = of(closure);
-    state.up = false;
-    if (state.events.down) state.events.down();
-  }
+
   static void on_closed(natsConnection*, void* closure) {
-    const std::unique_ptr<Shared> last(static_cast<Shared*>(closure));
-    State& state = **last;
-    const bool was_up = state.up.exchange(false);
-    {
-      const std::lock_guard lock(state.mutex);
-      state.closed = true;
-    }
-    state.changed.notify_all();
-    if (was_up && state.events.down) state.events.down();
+    const std::unique_ptr<std::shared_ptr<State>> last(
+        static_cast<std::shared_ptr<State>*>(closure));
+    const std::lock_guard lock((*last)->mutex);
+    (*last)->lost = true;
+    (*last)->changed.notify_all();
   }
   static void on_error(natsConnection* connection, natsSubscription*, natsStatus status,
                        void* closure) {
-    State& state = of(closure);
-    if (!state.events.problem) return;
-    const std::string last = last_error(connection);
-    state.events.problem(natsStatus_GetText(status) + (last.empty() ? "" : ": " + last));
-  }
-  static std::string last_error(natsConnection* connection) {
     const char* last = nullptr;
-    if (natsConnection_GetLastError(connection, &last) == NATS_OK || last == nullptr) return "";
-    return last;
+    const bool none = natsConnection_GetLastError(connection, &last) == NATS_OK || last == nullptr;
+    (*static_cast<std::shared_ptr<State>*>(closure))
+        ->say(
+            fmt::format("{}{}{}", natsStatus_GetText(status), none ? "" : ": ", none ? "" : last));
   }
   static void on_message(natsConnection*, natsSubscription*, natsMsg* raw, void* closure) {
     const MessagePtr message(raw);
     const auto& subscription = *static_cast<Subscription*>(closure);
     const char* const reply = natsMsg_GetReply(raw);
-    // The library is C: nothing may be thrown through it.
-    std::string problem;
-    try {
-      return subscription.handler(
+    try {  // The library is C: nothing may be thrown through it.
+      subscription.handler(
           {natsMsg_GetSubject(raw), reply == nullptr ? "" : reply, data_of(raw), status_of(raw)});
     } catch (const std::exception& error) {
-      problem = error.what();
+      subscription.state->say(std::string("a message was dropped: ") + error.what());
     }
-    const Shared state = subscription.state.lock();
-    if (state && state->events.problem) state->events.problem("a message was dropped: " + problem);
   }
   static void on_complete(void* closure) {
-    const auto* const subscription = static_cast<Subscription*>(closure);
-    if (const Shared state = subscription->state.lock()) {
-      const std::lock_guard lock(state->mutex);
-      --state->dispatching;
-      state->changed.notify_all();
-    }
-    delete subscription;
+    const std::unique_ptr<Subscription> last(static_cast<Subscription*>(closure));
+    const std::lock_guard lock(last->state->mutex);
+    --last->state->dispatching;
+    last->state->changed.notify_all();
   }
 
-  static void open(const Shared& state);
-  static void subscribe(const Shared& state, const Wanted& wanted);
-  static void keep_open(const std::stop_token& stop, const Shared& state);
-  bool forget_handle(std::unique_lock<std::mutex>& lock);
+  static void keep_open(const std::stop_token& stop, const std::shared_ptr<State>& state);
+  static void subscribe(const std::shared_ptr<State>& state, const Wanted& wanted);
+  void open(const std::shared_ptr<State>& self);
+  void close();
 };
 
 namespace {
@@ -174,25 +139,21 @@ using Options = std::unique_ptr<natsOptions, DestroyOptions>;
 
 Options make_options(const ConnectionOptions& options) {
   natsOptions* raw = nullptr;
-  throw_unless(natsOptions_Create(&raw), "libnats");
+  throw_unless(natsOptions_Create(&raw), "libnats: ");
   Options made(raw);
-  const std::string what = "server '" + public_url(options.server) + "'";
+  const std::string what = "server '" + public_url(options.server) + "': ";
   const auto set = [&](natsStatus status) { throw_unless(status, what); };
   const Url url = parse_url(options.server);
   set(natsOptions_SetURL(raw, options.server.c_str()));
   set(natsOptions_SetName(raw, options.name.c_str()));
   set(natsOptions_SetCustomInboxPrefix(raw, options.inbox.c_str()));
-  set(natsOptions_SetMaxReconnect(raw, -1));
-  set(natsOptions_SetReconnectWait(raw, ms(options.reconnect_wait)));
-  set(natsOptions_SetReconnectJitter(raw, ms(options.reconnect_wait), ms(options.reconnect_wait)));
+  set(natsOptions_SetAllowReconnect(raw, false));  // keep_open does: it says why there is none
   set(natsOptions_SetTimeout(raw, 2000));
   set(natsOptions_SetWriteDeadline(raw, 5000));
   // A server that says nothing is gone after twice that.
   set(natsOptions_SetPingInterval(raw, 5000));
   set(natsOptions_SetMaxPingsOut(raw, 2));
   set(natsOptions_SetSendAsap(raw, true));
-  // What is said while there is no link is said again by whoever said it.
-  set(natsOptions_SetReconnectBufSize(raw, 256 << 10));
   set(natsOptions_SetFailRequestsOnDisconnect(raw, true));
   set(natsOptions_SetIgnoreDiscoveredServers(raw, true));  // nobody vouches for those
   if (url.scheme == "tls" || !options.ca.empty()) {
@@ -201,122 +162,102 @@ Options make_options(const ConnectionOptions& options) {
     set(natsOptions_SetExpectedHostname(raw, url.host.c_str()));
     if (!options.ca.empty()) {
       throw_unless(natsOptions_LoadCATrustedCertificates(raw, options.ca.c_str()),
-                   "the certificate authority '" + options.ca + "'");
+                   "the certificate authority '" + options.ca + "': ");
     }
     if (!options.certificate.empty()) {
       throw_unless(
           natsOptions_LoadCertificatesChain(raw, options.certificate.c_str(), options.key.c_str()),
-          "the certificate '" + options.certificate + "'");
+          "the certificate '" + options.certificate + "': ");
     }
   }
   if (!options.nkey.empty()) {
     throw_unless(natsOptions_SetNKeyFromSeed(raw, options.nkey.c_str(), options.nkey_seed.c_str()),
-                 "the NKey's seed '" + options.nkey_seed + "'");
+                 "the NKey's seed '" + options.nkey_seed + "': ");
   }
   return made;
 }
 
-/// What a try that the library does not repeat comes to: of those that it does it keeps nothing.
-std::string why_refused(const ConnectionOptions& options) {
-  const Options once = make_options(options);
-  natsConnection* connection = nullptr;
-  if (natsConnection_Connect(&connection, once.get()) == NATS_OK) {
-    natsConnection_Destroy(connection);
-    return "";
-  }
-  const char* const last = nats_GetLastError(nullptr);
-  return last == nullptr ? "" : last;
-}
-
 }  // namespace
 
-/// Makes a handle, with all subscriptions.
-void Connection::State::open(const Shared& state) {
-  const Options made = make_options(state->options);
-  auto closure = std::make_unique<Shared>(state);
-  natsOptions* const raw = made.get();
-  const auto set = [](natsStatus status) { throw_unless(status, "libnats"); };
-  set(natsOptions_SetRetryOnFailedConnect(raw, true, &State::on_up, closure.get()));
-  set(natsOptions_SetReconnectedCB(raw, &State::on_up, closure.get()));
-  set(natsOptions_SetDisconnectedCB(raw, &State::on_down, closure.get()));
-  set(natsOptions_SetClosedCB(raw, &State::on_closed, closure.get()));
-  set(natsOptions_SetErrorHandler(raw, &State::on_error, closure.get()));
+/// @throws Error{kEnvironment} if there is no server, or it refuses.
+void Connection::State::open(const std::shared_ptr<State>& self) {
+  const Options made = make_options(options);
+  auto closure = std::make_unique<std::shared_ptr<State>>(self);
+  throw_unless(natsOptions_SetClosedCB(made.get(), &State::on_closed, closure.get()), "libnats: ");
+  throw_unless(natsOptions_SetErrorHandler(made.get(), &State::on_error, closure.get()),
+               "libnats: ");
   natsConnection* connection = nullptr;
-  const natsStatus status = natsConnection_Connect(&connection, raw);
-  if (status != NATS_OK && status != NATS_NOT_YET_CONNECTED) {
-    throw_unless(status, "server '" + public_url(state->options.server) + "'");
-  }
-  const std::string refusal = status == NATS_OK ? "" : why_refused(state->options);
-  void* const given = closure.release();
-  std::vector<Wanted> wanted;
   {
-    const std::lock_guard lock(state->mutex);
-    state->handle.reset(connection, natsConnection_Destroy);
-    state->refusal = refusal;
-    wanted = state->wanted;
+    const std::lock_guard lock(mutex);
+    lost = false;
   }
-  for (const Wanted& each : wanted) subscribe(state, each);
-  if (status == NATS_OK) State::on_up(connection, given);
+  throw_unless(natsConnection_Connect(&connection, made.get()), "");
+  static_cast<void>(closure.release());  // on_closed deletes it
+  const std::lock_guard lock(mutex);
+  handle.reset(connection, natsConnection_Destroy);
+  for (const Wanted& each : wanted) subscribe(self, each);
+  why_down.clear();
+  up = true;
 }
 
-void Connection::State::subscribe(const Shared& state, const Wanted& wanted) {
-  auto subscription = std::make_unique<Subscription>();
-  subscription->state = state;
-  subscription->handler = wanted.handler;
+/// With the lock.
+void Connection::State::subscribe(const std::shared_ptr<State>& state, const Wanted& wanted) {
+  auto subscription = std::make_unique<Subscription>(Subscription{state, wanted.handler});
   const auto set = [&](natsStatus status) {
-    throw_unless(status, "subscription to " + wanted.subject);
+    throw_unless(status, "subscription to " + wanted.subject + ": ");
   };
   natsSubscription* made = nullptr;
-  set(natsConnection_Subscribe(&made, state->current().get(), wanted.subject.c_str(),
+  set(natsConnection_Subscribe(&made, state->handle.get(), wanted.subject.c_str(),
                                &State::on_message, subscription.get()));
   set(natsSubscription_SetPendingLimits(made, -1, static_cast<int>(wanted.most_bytes)));
-  {
-    const std::lock_guard lock(state->mutex);
-    ++state->dispatching;
-  }
   set(natsSubscription_SetOnCompleteCB(made, &State::on_complete, subscription.get()));
   static_cast<void>(subscription.release());  // on_complete deletes it
-  const std::lock_guard lock(state->mutex);
+  ++state->dispatching;
   state->subscriptions.push_back(made);
 }
 
-/// Forgets a handle that is closed. @return  False if something of the library's still runs, and
-/// keeps what it needs.
-bool Connection::State::forget_handle(std::unique_lock<std::mutex>& lock) {
-  const bool quiet = changed.wait_for(lock, kEnd, [&] { return closed && dispatching == 0; });
-  if (quiet) {
+/// Nothing is heard of the handle after that, unless the library takes longer than kEnd: then what
+/// it needs is kept.
+void Connection::State::close() {
+  const auto old = current();
+  if (old == nullptr) return;
+  natsConnection_Close(old.get());
+  std::unique_lock lock(mutex);
+  if (changed.wait_for(lock, kEnd, [&] { return lost && dispatching == 0; })) {
     for (natsSubscription* const each : subscriptions) natsSubscription_Destroy(each);
-  } else if (handle != nullptr) {
-    static_cast<void>(new std::shared_ptr<natsConnection>(handle));  // for good
-    dispatching = 0;
+  } else {
+    static_cast<void>(new std::shared_ptr<natsConnection>(old));
   }
+  dispatching = 0;
   subscriptions.clear();
   handle.reset();
-  return quiet;
 }
 
-/// The library gives some connections up for good, such as one whose first handshake is cut off.
-void Connection::State::keep_open(const std::stop_token& stop, const Shared& state) {
+void Connection::State::keep_open(const std::stop_token& stop,
+                                  const std::shared_ptr<State>& state) {
   name_thread("pirt-link");
-  std::unique_lock lock(state->mutex);
-  while (state->changed.wait(lock, stop, [&] { return state->closed; })) {
-    state->changed.wait_for(lock, stop, kAgain, [] { return false; });
-    if (stop.stop_requested()) return;
-    lock.unlock();
-    const std::lock_guard one_at_a_time(state->opening);
-    lock.lock();
-    static_cast<void>(state->forget_handle(lock));
-    state->closed = false;
-    lock.unlock();
-    bool is_open = false;
+  std::minstd_rand random(std::random_device{}());
+  while (!stop.stop_requested()) {
     try {
-      open(state);
-      is_open = true;
+      state->open(state);
+      state->changed.notify_all();
+      if (state->events.up) state->events.up();
+      std::unique_lock lock(state->mutex);
+      state->changed.wait(lock, stop, [&] { return state->lost; });
+      state->up = false;
+      lock.unlock();
+      if (state->events.down) state->events.down();
     } catch (const std::exception& error) {
-      if (state->events.problem) state->events.problem(error.what());
+      const std::lock_guard lock(state->mutex);
+      state->up = false;
+      state->why_down = error.what();
     }
-    lock.lock();
-    if (!is_open) state->closed = true;  // Once more.
+    state->close();
+    // Not all robots at once.
+    const double jitter = std::uniform_real_distribution<double>(1, 2)(random);
+    std::unique_lock lock(state->mutex);
+    state->changed.wait_for(lock, stop, scaled(state->options.reconnect_wait, jitter),
+                            [] { return false; });
   }
 }
 
@@ -326,23 +267,17 @@ Connection::Connection(const ConnectionOptions& options, Events events)
   state_->options = options;
   state_->events = std::move(events);
   natsInbox* inbox = nullptr;
-  throw_unless(natsInbox_Create(&inbox), "libnats");
+  throw_unless(natsInbox_Create(&inbox), "libnats: ");
   state_->inbox = inbox;
   natsInbox_Destroy(inbox);
   // libnats takes its own prefix for that.
   state_->inbox = options.inbox + state_->inbox.substr(state_->inbox.find('.'));
-  State::open(state_);
   keeper_ = start_thread(
       [state = state_](const std::stop_token& stop) { State::keep_open(stop, state); });
 }
 
 Connection::~Connection() {
   keeper_ = {};  // Asks it to stop, and waits.
-  const auto handle = state_->current();
-  if (handle == nullptr) return;
-  natsConnection_Close(handle.get());
-  std::unique_lock lock(state_->mutex);
-  static_cast<void>(state_->forget_handle(lock));
 }
 
 bool Connection::wait_until_up(Nanos most) {
@@ -359,19 +294,17 @@ std::string Connection::why_down() const {
   std::string said;
   {
     const std::lock_guard lock(state_->mutex);
-    said = state_->refusal;
+    said = state_->why_down;
   }
-  const auto says = [&](std::string_view what) {
-    return std::ranges::search(said, what, [](char a, char b) {
-             return std::tolower(static_cast<unsigned char>(a)) == b;
-           }).begin() != said.end();
-  };
+  std::string small = said;
+  std::ranges::transform(small, small.begin(),
+                         [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
+  const auto says = [&](const char* what) { return small.find(what) != std::string::npos; };
   if (says("maximum connections")) {
     return "it has as many connections as it may have; raise max_connections there";
   }
   if (says("authorization") || says("authentication")) {
-    return "it does not let this user in (" + said +
-           "); check user and password, NKey or certificate";
+    return "it lets this user not in (" + said + "); check its password, NKey or certificate";
   }
   return (said.empty() ? "" : said + "; ") + "start one (nats-server -js), or name another";
 }
@@ -382,14 +315,9 @@ std::string Connection::why_no_chunks() const {
 }
 
 void Connection::subscribe(const std::string& subject, Handler handler, std::int64_t most_bytes) {
-  const std::lock_guard one_at_a_time(state_->opening);
-  const State::Wanted wanted{subject, std::move(handler), most_bytes};
-  {
-    const std::lock_guard lock(state_->mutex);
-    state_->wanted.push_back(wanted);
-    if (state_->closed) return;  // With the next handle.
-  }
-  State::subscribe(state_, wanted);
+  const std::lock_guard lock(state_->mutex);
+  state_->wanted.push_back({subject, std::move(handler), most_bytes});
+  if (state_->up) State::subscribe(state_, state_->wanted.back());
 }
 
 bool Connection::publish(const std::string& subject, ByteView data, const std::string& reply) {

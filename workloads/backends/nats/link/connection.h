@@ -5,6 +5,7 @@
 // is said as a problem. Nothing is heard of any once the destructor has returned.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -12,10 +13,35 @@
 #include <string_view>
 #include <thread>
 
-#include "workloads/backends/nats/link/address.h"
 #include "workloads/backends/nats/wire/wire.h"
 
 namespace pirt::cloud {
+
+struct ConnectionOptions {
+  std::string server = "nats://127.0.0.1:4222";  ///< tls:// for TLS.
+  std::string name = "pirt";                     ///< For whoever looks at the server.
+  std::string inbox = "_INBOX";                  ///< What answers come to begins with it.
+  bool insecure = false;                         ///< Beyond loopback without TLS is not refused.
+  // Files; empty = none.
+  std::string ca = {};                     ///< That the server's certificate follows from.
+  std::string certificate = {}, key = {};  ///< Of this client.
+  std::string nkey_seed = {};              ///< Of this client, in place of a certificate.
+  std::string nkey = {};                   ///< The public key of the seed.
+  Nanos reconnect_wait = std::chrono::milliseconds(200);
+};
+
+struct Url {
+  std::string scheme, host;
+};
+/// @throws Error{kBadInput} for what is no URL of a server.
+[[nodiscard]] Url parse_url(const std::string& server);
+
+/// Without a user and a password: for messages, profiles, reports.
+[[nodiscard]] std::string public_url(const std::string& server);
+
+/// @throws Error{kBadInput} for what is no URL of a server, for one beyond loopback without TLS
+/// that is not said to be insecure, and for files that are not there or not complete.
+void check_connection(const ConnectionOptions& options);
 
 /// A status: nobody listens; of JetStream: it has not begun yet.
 inline constexpr int kNobody = 503;

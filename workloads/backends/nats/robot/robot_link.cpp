@@ -6,7 +6,7 @@
 #include <random>
 #include <utility>
 
-#include "workloads/backends/nats/wire/kind.h"
+#include "workloads/backends/nats/wire/tensors.h"
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"

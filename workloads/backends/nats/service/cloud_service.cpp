@@ -59,20 +59,6 @@ void serve(const WorkerOptions& options, std::span<const Workload* const> worklo
   events.say(counted(worker.counts()));
 }
 
-std::unique_ptr<Computer> computer_on(const Backend& backend, const UnitRequest& request,
-                                      const Kept& kept) {
-  return make_device_computer(backend, request, kept);
-}
-
-std::unique_ptr<Computer> computer_in(SlotProgram program) {
-  return make_process_computer(std::move(program));
-}
-
-bool serve_slot(Computer& computer, std::span<const Workload* const> workloads,
-                std::uint64_t call_bytes) {
-  return serve_computer(computer, Admission(workloads, call_bytes));
-}
-
 std::vector<std::string> administer(const ConnectionOptions& options, const Setup& setup) {
   Connection connection(options, {});
   if (!connection.wait_until_up(kPatience)) {
@@ -81,7 +67,5 @@ std::vector<std::string> administer(const ConnectionOptions& options, const Setu
   }
   return set_up(connection, setup);
 }
-
-std::string permissions_of(std::span<const std::string> robots) { return permissions(robots); }
 
 }  // namespace pirt::cloud

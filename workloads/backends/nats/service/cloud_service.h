@@ -1,4 +1,5 @@
-// The cloud's other side, as commands start it; in a build without the backend each says so.
+// The cloud's other side, as commands start it. In a build without the backend, these functions,
+// those of computer.h and permissions() each say so.
 #pragma once
 
 #include <functional>
@@ -8,8 +9,7 @@
 #include <vector>
 
 #include "workloads/backends/nats/link/administration.h"
-#include "workloads/backends/nats/service/device_computer.h"
-#include "workloads/backends/nats/service/process_computer.h"
+#include "workloads/backends/nats/service/computer.h"
 #include "workloads/backends/nats/service/worker_link.h"
 #include "workloads/model/backend.h"
 
@@ -27,18 +27,7 @@ struct ServiceEvents {
 void serve(const WorkerOptions& options, std::span<const Workload* const> workloads,
            const ServiceEvents& events);
 
-/// As make_device_computer, make_process_computer and serve_computer.
-/// @throws Error{kEnvironment} in a build without the backend.
-[[nodiscard]] std::unique_ptr<Computer> computer_on(const Backend& backend,
-                                                    const UnitRequest& request, const Kept& kept);
-[[nodiscard]] std::unique_ptr<Computer> computer_in(SlotProgram program);
-bool serve_slot(Computer& computer, std::span<const Workload* const> workloads,
-                std::uint64_t call_bytes);
-
 /// As set_up, over a connection of its own.
 [[nodiscard]] std::vector<std::string> administer(const ConnectionOptions& options,
                                                   const Setup& setup);
-/// As permissions. @throws Error{kEnvironment} in a build without the backend.
-[[nodiscard]] std::string permissions_of(std::span<const std::string> robots);
-
 }  // namespace pirt::cloud

@@ -9,7 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "workloads/backends/nats/wire/kind.h"
+#include "workloads/backends/nats/wire/tensors.h"
+#include "workloads/model/backend.h"
 
 namespace pirt::cloud {
 
@@ -52,6 +53,43 @@ class Admission {
   std::map<std::string, const Workload*, std::less<>> known_;
   std::uint64_t call_bytes_;
 };
+
+/// On a device of this machine, with the one cache of a worker: of parameters and kernels together.
+struct Kept {
+  /// Of parameters and kernels, by what the process holds of memory for them. The robot that has
+  /// the most loses what it used longest ago.
+  std::uint64_t bytes = std::uint64_t{512} << 20;
+  std::size_t kernels = 64;  ///< Of a robot.
+};
+
+/// Opens the device. Of the thread that made it.
+/// @param backend  Outlives it.
+/// @throws As Backend::open.
+[[nodiscard]] std::unique_ptr<Computer> make_device_computer(const Backend& backend,
+                                                             const UnitRequest& request,
+                                                             const Kept& kept);
+
+/// In a process of its own: a kernel that crashes, or takes too long, takes a try, and not the
+/// worker.
+/// Where the process finds its end of the line.
+inline constexpr int kSlotDescriptor = 3;
+
+struct SlotProgram {
+  std::string program;
+  std::vector<std::string> arguments = {};
+  Nanos call_limit = std::chrono::seconds(60);  ///< With preparing; then the process is killed.
+  /// The same for a call that is computed as the worker ends.
+  Nanos end_limit = std::chrono::seconds(5);
+};
+
+/// Starts the program when it is first needed, and again once it is gone, which is an error of that
+/// call. Whatever it holds ends with it.
+[[nodiscard]] std::unique_ptr<Computer> make_process_computer(SlotProgram program);
+
+/// The body of that process: computes what comes until the line ends.
+/// @param admission  Judges a call once more: the process trusts nobody either.
+/// @return  Whether it ended where a call ends.
+bool serve_computer(Computer& computer, const Admission& admission, int line = kSlotDescriptor);
 
 /// In one line, of printable characters.
 [[nodiscard]] std::string one_line(std::string text);

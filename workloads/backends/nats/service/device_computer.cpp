@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/service/device_computer.h"
+#include "workloads/backends/nats/service/computer.h"
 
 #include <malloc.h>
 

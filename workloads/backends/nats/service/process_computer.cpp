@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/service/process_computer.h"
+#include "workloads/backends/nats/service/computer.h"
 
 #include <fcntl.h>
 #include <fmt/core.h>

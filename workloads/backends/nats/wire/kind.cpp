@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/wire/kind.h"
+#include "workloads/backends/nats/wire/tensors.h"
 
 #include <algorithm>
 

@@ -1,10 +1,15 @@
 // How tensors travel, and what it is that they are of. They are read by the specs of a workload
 // that the reader knows: their sizes never come from the wire, and their values are in the specs'
-// ranges.
+// ranges. Workloads of sizes of one's own travel as the name of their kind and the sizes that its
+// maker takes, and whoever reads them makes the workload itself.
 #pragma once
 
+#include <cstdint>
+#include <memory>
+#include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "workloads/backends/nats/wire/wire.h"
@@ -26,5 +31,25 @@ namespace pirt::cloud {
 /// Of all that has to be the same for two programs to mean the same computation: kernel, variant,
 /// precision, batch, the specs of its tensors, and a user's models.
 [[nodiscard]] Digest spec_digest(const Workload& workload);
+
+/// A workload as it travels.
+struct Kind {
+  std::string name;                      ///< Of the workload that whoever reads it knows.
+  std::vector<std::int64_t> sizes = {};  ///< What its maker takes: a picture's width and height, or
+                                         ///< images a call; empty = made in one size.
+  /// What whoever knows it announces; absent = of sizes that do not tell.
+  std::optional<Digest> known_by = {};
+  std::string_view differs = "other sizes, or another version of pirt";  ///< Where that is another.
+  std::string_view missing = {};  ///< What somebody lacks who does not know it; empty = unknown.
+};
+[[nodiscard]] Kind kind_of(const Workload& workload);
+
+/// What is asked for of a kind that is known here: pure, and small whatever is asked for.
+/// @param known  Of the kind, in the size that is known here; outlives what is returned.
+/// @param spec   What it has to be, as the other side knows it.
+/// @return  Not null, or the problem in one line.
+[[nodiscard]] Decoded<std::shared_ptr<const Workload>> of_kind(const Workload& known,
+                                                               std::span<const std::int64_t> sizes,
+                                                               const Digest& spec);
 
 }  // namespace pirt::cloud

@@ -1,11 +1,15 @@
 #include "workloads/backends/nats/wire/wire.h"
 
+#include <fmt/format.h>
+#include <openssl/evp.h>
+
 #include <algorithm>
 #include <concepts>
 #include <cstring>
 #include <string_view>
 
 #include "workloads/backends/nats/wire/bytes.h"
+#include "workloads/base/error.h"
 
 namespace pirt::cloud {
 namespace {
@@ -58,6 +62,23 @@ Message read_message(std::uint8_t kind, Reader& in) {
 }
 
 }  // namespace
+
+std::string Digest::hex() const {
+  std::string text;
+  for (const std::uint8_t byte : bytes) text += fmt::format("{:02x}", byte);
+  return text;
+}
+
+Digest digest_of(ByteView bytes) {
+  Digest digest;
+  unsigned size = 0;
+  if (EVP_Digest(bytes.data(), bytes.size(), digest.bytes.data(), &size, EVP_sha256(), nullptr) !=
+          1 ||
+      size != digest.bytes.size()) {
+    throw_environment("OpenSSL computes no SHA-256; is its library damaged, or in FIPS mode?");
+  }
+  return digest;
+}
 
 std::string TaskId::hex() const { return fmt::format("{:016x}{:016x}", run, number); }
 

@@ -8,6 +8,7 @@
 // reason.
 #pragma once
 
+#include <array>
 #include <compare>
 #include <cstddef>
 #include <cstdint>
@@ -17,13 +18,24 @@
 #include <variant>
 #include <vector>
 
-#include "workloads/backends/nats/wire/digest.h"
 #include "workloads/base/time.h"
 
 namespace pirt::cloud {
 
 using Bytes = std::vector<std::byte>;
 using ByteView = std::span<const std::byte>;
+
+/// SHA-256: names what is sent by its content, and finds damage. Whoever shares a cache with others
+/// needs one that nobody can aim at.
+struct Digest {
+  std::array<std::uint8_t, 32> bytes{};
+
+  /// 64 hexadecimal digits.
+  [[nodiscard]] std::string hex() const;
+  friend auto operator<=>(const Digest&, const Digest&) = default;
+};
+
+[[nodiscard]] Digest digest_of(ByteView bytes);
 
 /// Another one is not read; 1 had its tasks on a stream.
 inline constexpr std::uint16_t kProtocol = 2;
