@@ -47,8 +47,8 @@ class CloudCaller : public ::testing::Test, public CallerEvents {
     caller_.worker_heard(kWorker, now);
     said();
   }
-  void submit(Nanos now = Nanos(0), std::optional<Nanos> give_back = {}) {
-    caller_.submit(kTask, "kind", give_back, give_back, now);
+  void submit(Nanos now = Nanos(0), std::optional<Nanos> deadline = {}) {
+    caller_.submit(kTask, "kind", deadline, now);
   }
   void claim(std::uint64_t worker, Nanos now) {
     caller_.claimed(
@@ -222,24 +222,25 @@ TEST_F(CloudCaller, LostLinksAreNoTries) {
   EXPECT_THAT(said(), ElementsAre("done"));
 }
 
-TEST_F(CloudCaller, GivesATaskBackAtItsLatestMomentAndWithdrawsIt) {
+TEST_F(CloudCaller, SaysWhatRemainsOfATasksTime) {
   connect();
   submit(Nanos(0), milliseconds(300));
   claim(kWorker, milliseconds(100));
   EXPECT_EQ(last_.time_left, milliseconds(200));
+  reply(ReplyKind::kExpired, 1, milliseconds(300));
+  EXPECT_EQ(said().back(), "returned");
+}
+
+TEST_F(CloudCaller, WithdrawsWhatIsCancelled) {
+  connect();
+  submit();
+  claim(kWorker, Nanos(0));
   said();
-  EXPECT_EQ(caller_.next_wake(), milliseconds(300));
-  caller_.wake(milliseconds(300));
-  EXPECT_THAT(said(), ElementsAre("withdraw", "returned"));
+  caller_.cancel(kTask);
+  EXPECT_THAT(said(), ElementsAre("withdraw", "cancelled"));
   reply(ReplyKind::kDone, 1, seconds(1));
   EXPECT_THAT(said(), IsEmpty());
   EXPECT_EQ(caller_.counts().late, 1);
-}
-
-TEST_F(CloudCaller, GivesBackInTimeWithoutALink) {
-  submit(Nanos(0), milliseconds(300));
-  caller_.wake(milliseconds(300));
-  EXPECT_THAT(said(), ElementsAre("returned"));
 }
 
 TEST_F(CloudCaller, IsDownWithoutALinkAndWithoutAWorker) {
@@ -272,7 +273,7 @@ TEST_F(CloudHedges, AskASecondWorkerAndCancelTheLoser) {
   hedging_.link_up(Nanos(0));
   hedging_.worker_heard(kWorker, Nanos(0));
   hedging_.worker_heard(kOther, Nanos(0));
-  hedging_.submit(kTask, "kind", {}, {}, Nanos(0));
+  hedging_.submit(kTask, "kind", {}, Nanos(0));
   hedging_.claimed(kWorker, all, Nanos(0));
   said();
   EXPECT_EQ(hedging_.next_wake(), milliseconds(20));

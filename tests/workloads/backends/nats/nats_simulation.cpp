@@ -183,9 +183,10 @@ void Simulation::take(Worker& worker, Robot& robot, const GivenTask& given) {
       }
     });
   }
+  const bool over = given.time_left && *given.time_left < takes;
   const bool heavy = expected.sort == Sort::kHeavy && chance(0.5);
   at(now_ + takes,
-     [this, &worker, number, heavy, sort = expected.sort, instance = worker.instance] {
+     [this, &worker, number, heavy, over, sort = expected.sort, instance = worker.instance] {
        const auto found = worker.jobs.find(number);
        if (worker.instance != instance || found == worker.jobs.end()) return;
        const Job done = found->second;
@@ -193,9 +194,10 @@ void Simulation::take(Worker& worker, Robot& robot, const GivenTask& given) {
        worker.desk->finished(done.robot->name, now_ - done.taken, false, now_);
        if (!done.unwanted) {
          reply(worker, done,
-               sort == Sort::kPoisoned ? ReplyKind::kFailedTry
-               : heavy                 ? (chance(0.5) ? ReplyKind::kMissing : ReplyKind::kLater)
-                                       : ReplyKind::kDone);
+               over                      ? ReplyKind::kExpired
+               : sort == Sort::kPoisoned ? ReplyKind::kFailedTry
+               : heavy                   ? (chance(0.5) ? ReplyKind::kMissing : ReplyKind::kLater)
+                                         : ReplyKind::kDone);
        }
        claim(worker);
      });
@@ -227,10 +229,14 @@ void Simulation::submit(Robot& robot) {
   Expected& expected = expected_[{robot.name, task}];
   expected.sort = chance(0.02) ? Sort::kPoisoned : chance(0.1) ? Sort::kHeavy : Sort::kPlain;
   expected.deadline = chance(0.1);
-  const std::optional<Nanos> give_back =
-      expected.deadline ? std::optional<Nanos>(now_ + milliseconds(500 + random_() % 20'000))
-                        : std::nullopt;
-  robot.caller->submit(task, "kind", give_back, give_back, now_);
+  const Nanos until = now_ + milliseconds(500 + random_() % 20'000);
+  robot.caller->submit(task, "kind", expected.deadline ? std::optional(until) : std::nullopt, now_);
+  // Whoever submitted it takes it back then.
+  if (expected.deadline) {
+    at(until, [this, &robot, task] {
+      if (robot.run == task.run) robot.caller->cancel(task);
+    });
+  }
   wake(robot);
 }
 
@@ -346,12 +352,11 @@ void Simulation::check() {
     const CallEndKind end = *expected.end;
     result_.done += end == CallEndKind::kDone;
     result_.given_up += end == CallEndKind::kGivenUp;
-    result_.returned += end == CallEndKind::kReturned;
+    result_.returned += end == CallEndKind::kReturned || end == CallEndKind::kCancelled;
     const bool poisoned = expected.sort == Sort::kPoisoned;
-    const bool right = end == CallEndKind::kDone       ? !poisoned
-                       : end == CallEndKind::kGivenUp  ? poisoned || expected.deaths >= 3
-                       : end == CallEndKind::kReturned ? expected.deadline
-                                                       : false;
+    const bool right = end == CallEndKind::kDone      ? !poisoned
+                       : end == CallEndKind::kGivenUp ? poisoned || expected.deaths >= 3
+                                                      : expected.deadline;
     result_.ended_wrongly += !right;
   }
   for (const Worker& worker : workers_) result_.left_at_workers += worker.jobs.size();

@@ -402,7 +402,7 @@ TEST(CloudWire, TenThousandHostileMessagesEndNothingAtARobot) {
   Ends events;
   Caller caller(events, {}, 1);
   caller.link_up(Nanos(0));
-  caller.submit({1, 2}, "kind", {}, {}, Nanos(0));
+  caller.submit({1, 2}, "kind", {}, Nanos(0));
   // Of another task: what only changes the id hits ours in 1 of 2^128 cases.
   const Bytes good = encode(ReplyMessage{.task = {77, 78}, .worker = "w", .outputs = Bytes(16)});
   Hostile hostile(12, good, good.size());

@@ -1,9 +1,8 @@
-#include "workloads/backends/nats/link/connection.h"
-
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 
+#include "workloads/backends/nats/link/connection.h"
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 

@@ -1,7 +1,6 @@
 #include "workloads/backends/nats/link/administration.h"
 
 #include <fmt/core.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cctype>
@@ -80,20 +79,19 @@ std::string make_stream(Connection& connection, const std::string& robot, const 
   return (known.error == 0 ? "changed stream " : "made stream ") + name;
 }
 
-/// "a", "b"
-std::string quoted_list(const std::vector<std::string>& subjects) {
-  return fmt::format("\"{}\"", fmt::join(subjects, "\", \""));
-}
-
-std::string user_with(const std::string& name, const std::string& variable,
-                      const std::vector<std::string>& publish,
-                      const std::vector<std::string>& subscribe) {
-  return fmt::format(
-      "    {{ user: \"{}\", password: ${}, permissions: {{\n"
-      "        publish: {{ allow: [{}] }}\n"
-      "        subscribe: {{ allow: [{}] }} }} }}\n",
-      name, variable, quoted_list(publish), quoted_list(subscribe));
-}
+// A password is an environment variable of the server.
+constexpr const char* kUsers = R"(# Who may say what (pirt cloud-admin permissions).
+authorization {
+  users = [
+    { user: "admin", password: $PIRT_ADMIN }
+    { user: "worker", password: $PIRT_WORKER, permissions: {
+        publish: { allow: ["pirt.hello", "pirt.claim.*", "pirt.answer.*", "pirt.blob.*.out.*.*", "$JS.API.DIRECT.GET.*.pirt.blob.*.in.*.*", "$JS.API.DIRECT.GET.*.pirt.blob.*.par.*.*"] }
+        subscribe: { allow: ["pirt.offer.*", "pirt.task.*.*", "pirt.cancel.*", "_INBOX.>"] } } }
+)";
+constexpr const char* kRobotUser = R"(    {{ user: "{0}", password: $PIRT_ROBOT_{1}, permissions: {{
+        publish: {{ allow: ["pirt.offer.{0}", "pirt.task.{0}.*", "pirt.cancel.{0}", "pirt.blob.{0}.in.*.*", "pirt.blob.{0}.par.*.*", "$JS.API.STREAM.INFO.PIRT_{0}", "$JS.API.STREAM.PURGE.PIRT_{0}", "$JS.API.DIRECT.GET.PIRT_{0}.pirt.blob.{0}.out.*.*"] }}
+        subscribe: {{ allow: ["pirt.hello", "pirt.claim.{0}", "pirt.answer.{0}", "_INBOX_{0}.>"] }} }} }}
+)";
 
 }  // namespace
 
@@ -124,31 +122,14 @@ RobotStream read_stream_info(const Connection::Answer& answer, const std::string
 }
 
 std::string permissions(std::span<const std::string> robots) {
-  std::string text =
-      "# Who may say what (pirt cloud-admin permissions). A password is an environment variable of "
-      "the server.\n"
-      "authorization {\n  users = [\n"
-      "    { user: \"admin\", password: $PIRT_ADMIN }\n";
-  text += user_with(
-      "worker", "PIRT_WORKER",
-      {kHelloSubject, "pirt.claim.*", "pirt.answer.*", "pirt.blob.*.out.*.*",
-       "$JS.API.DIRECT.GET.*.pirt.blob.*.in.*.*", "$JS.API.DIRECT.GET.*.pirt.blob.*.par.*.*"},
-      {"pirt.offer.*", "pirt.task.*.*", "pirt.cancel.*", "_INBOX.>"});
+  std::string text = kUsers;
   for (const std::string& robot : robots) {
     check_robot_name(robot);
-    std::string variable = "PIRT_ROBOT_";
-    for (const char c : robot) {
-      variable += c == '-' ? '_' : static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+    std::string variable = robot;
+    for (char& c : variable) {
+      c = c == '-' ? '_' : static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
     }
-    const std::string stream = blob_stream(robot);
-    text += user_with(
-        robot, variable,
-        {subject("offer", robot), subject("task", robot) + ".*", subject("cancel", robot),
-         blob_subject(robot, "in", "*.*"), blob_subject(robot, "par", "*.*"),
-         "$JS.API.STREAM.INFO." + stream, "$JS.API.STREAM.PURGE." + stream,
-         fmt::format("$JS.API.DIRECT.GET.{}.{}", stream, blob_subject(robot, "out", "*.*"))},
-        {kHelloSubject, subject("claim", robot), subject("answer", robot),
-         "_INBOX_" + robot + ".>"});
+    text += fmt::format(fmt::runtime(kRobotUser), robot, variable);
   }
   return text + "  ]\n}\n";
 }

@@ -15,9 +15,9 @@ constexpr std::size_t kFewCalls = 20, kManyCalls = 100;
 }  // namespace
 
 void Caller::submit(const TaskId& task, const std::string& kind, std::optional<Nanos> deadline,
-                    std::optional<Nanos> give_back, Nanos now) {
+                    Nanos now) {
   ++counts_.submitted;
-  entries_[task] = {.kind = kind, .offered_at = now, .deadline = deadline, .give_back = give_back};
+  entries_[task] = {.kind = kind, .offered_at = now, .deadline = deadline};
   offer(now);
 }
 
@@ -149,11 +149,6 @@ void Caller::wake(Nanos now) {
 
 void Caller::look(Entries::iterator at, Nanos now) {
   Entry& entry = at->second;
-  if (entry.give_back && *entry.give_back <= now) {
-    return end(at, CallEndKind::kReturned,
-               "no reply by the last moment at which it can be computed elsewhere", nullptr);
-  }
-  if (!linked_) return;
   if (entry.hedge_at && *entry.hedge_at <= now) {
     entry.hedge_at.reset();
     entry.offered_at = now;
@@ -179,10 +174,9 @@ Nanos Caller::next_wake() const {
 }
 
 Nanos Caller::due(const Entry& entry) const {
-  Nanos next = entry.give_back.value_or(Nanos::max());
-  if (!linked_) return next;
+  if (!linked_) return Nanos::max();
+  Nanos next = entry.hedge_at.value_or(Nanos::max());
   for (const Given& each : entry.given) next = std::min(next, each.until);
-  next = std::min(next, entry.hedge_at.value_or(Nanos::max()));
   // What was offered is offered again by offer_at_.
   const bool later = entry.offered_at && *entry.offered_at > offered_;
   return later ? std::min(next, *entry.offered_at) : next;

@@ -86,10 +86,9 @@ class Caller {
   Caller(CallerEvents& events, const CallerLimits& limits, std::uint64_t seed)
       : events_(events), limits_(limits), random_(static_cast<std::uint32_t>(seed)) {}
 
-  /// @param kind       What tasks that take as long have in common.
-  /// @param give_back  When it is to be computed elsewhere at the latest; absent = never.
+  /// @param kind  What tasks that take as long have in common.
   void submit(const TaskId& task, const std::string& kind, std::optional<Nanos> deadline,
-              std::optional<Nanos> give_back, Nanos now);
+              Nanos now);
   /// Nothing more is heard of it but its end.
   void cancel(const TaskId& task);
   /// What a worker missed is there now.
@@ -123,7 +122,7 @@ class Caller {
     std::optional<Nanos> offered_at = {};  ///< Waits for a worker from then on.
     std::vector<Given> given = {};
     std::uint32_t sends = 0, tries = 0;
-    std::optional<Nanos> deadline = {}, give_back = {}, hedge_at = {};
+    std::optional<Nanos> deadline = {}, hedge_at = {};
   };
   using Entries = std::map<TaskId, Entry>;
 

@@ -6,8 +6,8 @@
 #include <random>
 #include <utility>
 
-#include "workloads/backends/nats/wire/tensors.h"
 #include "workloads/backends/nats/wire/subjects.h"
+#include "workloads/backends/nats/wire/tensors.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
 
@@ -133,14 +133,11 @@ void RobotLink::stream_is(const RobotStream& stream) {
 
 void RobotLink::submit(const TaskId& task, Submission submission) {
   with_caller([&](Nanos now) {
-    const auto after = [&](std::optional<Nanos> duration) {
-      return duration ? std::optional(later_by(now, *duration)) : std::nullopt;
-    };
-    const auto deadline = after(submission.time_left),
-               give_back = after(submission.give_back_after);
+    const auto deadline =
+        submission.time_left ? std::optional(later_by(now, *submission.time_left)) : std::nullopt;
     const std::string kind = submission.task.spec.hex();
     running_.try_emplace(task, Running{std::move(submission), now});
-    caller_.submit(task, kind, deadline, give_back, now);
+    caller_.submit(task, kind, deadline, now);
   });
 }
 

@@ -42,9 +42,8 @@ struct TaskEnd {
 };
 
 struct Submission {
-  TaskMessage task = {};  ///< Whole, but for its numbers and times.
-  /// From now: to the deadline, and to when it is to be computed elsewhere at the latest.
-  std::optional<Nanos> time_left = {}, give_back_after = {};
+  TaskMessage task = {};                ///< Whole, but for its numbers and times.
+  std::optional<Nanos> time_left = {};  ///< From now; then nobody wants it any more.
   /// From a thread of the link's; may be empty. `ended` comes in any case, and once.
   std::function<void()> taken = {};    ///< By a worker; once.
   std::function<void()> missing = {};  ///< On the stream: what it says is there. Then ready().

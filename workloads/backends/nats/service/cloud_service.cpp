@@ -15,11 +15,13 @@ constexpr Nanos kLook = std::chrono::milliseconds(100);
 constexpr Nanos kPatience = std::chrono::seconds(5);
 
 std::string counted(const WorkerCounts& counts) {
+  const auto of = [&](ReplyKind how) { return counts.ended(how); };
   return fmt::format(
       "{} taken, {} done, {} failed, {} refused, {} missed, {} returned, {} expired, {} cancelled, "
       "{} malformed",
-      counts.taken, counts.done, counts.failed, counts.refused, counts.missed, counts.returned,
-      counts.expired, counts.cancelled, counts.malformed);
+      counts.taken, of(ReplyKind::kDone), of(ReplyKind::kFailedTry), of(ReplyKind::kRefused),
+      of(ReplyKind::kMissing), of(ReplyKind::kLater), of(ReplyKind::kExpired), counts.cancelled,
+      counts.malformed);
 }
 
 /// Once there is a link. Where an administrator makes the streams, a worker may not.

@@ -1,11 +1,11 @@
-#include "workloads/backends/nats/service/computer.h"
-
 #include <malloc.h>
 
 #include <algorithm>
 #include <list>
 #include <map>
 #include <utility>
+
+#include "workloads/backends/nats/service/computer.h"
 
 namespace pirt::cloud {
 namespace {

@@ -1,5 +1,3 @@
-#include "workloads/backends/nats/service/computer.h"
-
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <poll.h>
@@ -13,6 +11,7 @@
 #include <cstring>
 #include <utility>
 
+#include "workloads/backends/nats/service/computer.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/child.h"
 

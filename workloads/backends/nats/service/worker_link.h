@@ -6,6 +6,7 @@
 // comes from the wire. Nothing is kept of a robot but what its tasks that are computed need.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
@@ -39,13 +40,14 @@ struct WorkerOptions {
 };
 
 struct WorkerCounts {
-  std::int64_t taken = 0;      ///< = done + failed + refused + missed + returned + expired +
-                               ///< cancelled, once each has ended.
+  std::int64_t taken = 0;      ///< = those that ended, were cancelled, or are computed now.
   std::int64_t malformed = 0;  ///< Messages that were none, or that nobody had asked for.
-  std::int64_t done = 0, failed = 0, refused = 0, expired = 0;
-  std::int64_t missed = 0;     ///< Their parameters or inputs were not there.
-  std::int64_t returned = 0;   ///< For want of room, or as the worker ended.
   std::int64_t cancelled = 0;  ///< Nobody wanted them any more.
+  std::array<std::int64_t, 7> ended_as = {};  ///< By ReplyKind.
+
+  [[nodiscard]] std::int64_t ended(ReplyKind how) const {
+    return ended_as[static_cast<std::size_t>(how)];
+  }
 };
 
 /// Any thread may call it.
@@ -77,19 +79,22 @@ class WorkerLink {
   using Jobs = std::list<std::shared_ptr<Job>>;
 
   void serve(const std::stop_token& stop);
-  void compute(const std::stop_token& stop, std::size_t slot);
+  void compute(const std::stop_token& stop, int slot);
   void run(Computer& computer, const Job& job, ReplyMessage& reply);
-  [[nodiscard]] bool fetch(const Job& job, std::string_view what, const std::string& name,
-                           const Blob& blob, Bytes& bytes, ReplyMessage& reply);
+  [[nodiscard]] std::optional<Bytes> fetch(const Job& job, std::string_view what,
+                                           const std::string& name, const Blob& blob,
+                                           ReplyMessage& reply);
   void store_outputs(const Job& job, ReplyMessage& reply);
   void finish(const std::shared_ptr<Job>& job, ReplyMessage reply, bool gone);
-  void say(const Job& job, ReplyMessage reply);
+  bool say(const Job& job, ReplyMessage reply);
   void say_hello();
-  void on_offer(const Incoming& message);
-  void on_task(const Incoming& message);
-  void on_cancel(const Incoming& message);
-  void count_malformed(const std::string& robot, const std::string& problem);
-  [[nodiscard]] bool ends() const { return stopping_; }
+  void on_task(const std::string& robot, const Incoming& message);
+  /// Of a robot, in a few bytes.
+  template <typename Said>
+  [[nodiscard]] std::optional<Said> read(const std::string& robot, const Incoming& message);
+  template <typename Change>
+  void change(Change change);
+  void note(const std::string& problem);
 
   WorkerOptions options_;
   std::uint64_t instance_ = 0;
@@ -97,9 +102,9 @@ class WorkerLink {
   MachineClock clock_;
 
   mutable std::mutex mutex_;  ///< Of what follows.
-  std::condition_variable_any changed_, waiting_changed_;
+  std::condition_variable_any changed_;
   Desk desk_;
-  bool offered_ = false;  ///< Something is new since a claim was looked for.
+  bool changed_now_ = false;  ///< Since a claim was looked for.
   Nanos hello_at_{0};
   Jobs jobs_;                                 ///< All that have a slot;
   std::deque<std::shared_ptr<Job>> waiting_;  ///< of those, the ones that no thread has yet.

@@ -1,7 +1,6 @@
-#include "workloads/backends/nats/wire/tensors.h"
-
 #include <algorithm>
 
+#include "workloads/backends/nats/wire/tensors.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/recognition/scene_workload.h"
 #include "workloads/recognition/specs.h"
@@ -82,7 +81,8 @@ Decoded<std::shared_ptr<const Workload>> of_kind(const Workload& known,
   const auto refuse = [](std::string why) {
     return Decoded<std::shared_ptr<const Workload>>{std::nullopt, std::move(why)};
   };
-  if (spec == spec_digest(known)) return {std::shared_ptr<const Workload>(std::shared_ptr<void>(), &known), ""};
+  if (spec == spec_digest(known))
+    return {std::shared_ptr<const Workload>(std::shared_ptr<void>(), &known), ""};
   if (sizes.empty()) {
     return refuse(known.name + " is something else here: other sizes, or another version of pirt");
   }
