@@ -173,7 +173,7 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
     if (own) record.tried = own->tried;
     if (!mix.fires_once()) add_guarantees(scenario, setup.policy_setup, record);
   }
-  if (tally.tasks.left > 0) record.slices_left = tally.tasks.left;
+  if (tally.tasks.suspended > 0) record.suspensions = tally.tasks.suspended;
   if (profile != nullptr) record.draw = to_string(options.draw);
   // Of a redrawn run only its figures are asked for.
   if (!options.redraw) record.bounds = bounds_of(scenario, mode.policy.cloud_use, record);

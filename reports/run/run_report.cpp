@@ -131,10 +131,10 @@ Paragraph totals(const RunRecord& run) {
     paragraph.lines.push_back(line);
   }
   if (!run.tried.empty()) paragraph.lines.push_back(tried_text(run.tried));
-  if (run.slices_left) {
+  if (run.suspensions) {
     paragraph.lines.push_back(
         fmt::format("calls were left between two slices {} times, for tasks with a nearer deadline",
-                    *run.slices_left));
+                    *run.suspensions));
   }
   if (run.planned_makespan_s) {
     paragraph.lines.push_back("planned makespan " + shown(run.planned_makespan_s, marks.time) +

@@ -45,9 +45,9 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
     if (state != TaskState::kRunning && state != TaskState::kCancelled) return false;
     recalls_.forget(slot);  // It is back.
     expire(Expire::kBeforeNow, out);
-    if (std::exchange(tasks_[slot].left, false)) {
-      std::erase(units_[unit].left, slot);
-      if (units_[unit].left.empty()) left_ &= ~unit_bit(unit);
+    if (std::exchange(tasks_[slot].suspended, false)) {
+      std::erase(units_[unit].suspended, slot);
+      if (units_[unit].suspended.empty()) suspending_ &= ~unit_bit(unit);
     } else {
       --units_[unit].running;
     }
@@ -84,15 +84,15 @@ bool Dispatcher::slice_ended(UnitId unit, TaskId task, Nanos now, Effects& out) 
   };
   return take(now, out, input, [&] {
     const TaskSlot slot = tasks_.find(task);
-    if (slot == kNoSlot || tasks_[slot].unit != unit || tasks_[slot].left) return false;
+    if (slot == kNoSlot || tasks_[slot].unit != unit || tasks_[slot].suspended) return false;
     const TaskState state = tasks_[slot].state;
     if (state != TaskState::kRunning && state != TaskState::kCancelled) return false;
     expire(Expire::kBeforeNow, out);
     note_urgent();
-    leave(slot, unit);
+    suspend(slot, unit);
     if (let_in(unit, tasks_[slot].deadline, out)) {
-      out.left.push_back({task, unit});
-      ++counts_.left;
+      out.suspended.push_back({task, unit});
+      ++counts_.suspended;
     } else {
       resume(unit);
     }
@@ -158,7 +158,7 @@ void Dispatcher::settle(Effects& out) {
   if (ties_.has_news() || waiting_.despairs()) take_news(out);
   if (ask_again_ <= now_) waiting_.forget_refusals();
   waiting_.place_held([this](TaskSlot slot) { return place(slot); });
-  if (left_ != 0) resume_left(out);
+  if (suspending_ != 0) resume_suspended(out);
   ask_again_ = waiting_.holds_any() ? policy_->ask_again() : Nanos::max();
   if (ask_again_ <= now_) ask_again_ = Nanos::max();
   start_all(out);
@@ -170,7 +170,7 @@ void Dispatcher::settle(Effects& out) {
 void Dispatcher::list_waiting(std::vector<int>& waiting) const {
   waiting.clear();
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
-    waiting.push_back(load_[unit] - units_[unit].running - left(unit));
+    waiting.push_back(load_[unit] - units_[unit].running - suspended(unit));
   }
   waiting.push_back(static_cast<int>(waiting_.size()));
 }

@@ -56,7 +56,7 @@ struct Answer {
   std::span<const TaskId> submitted = {};  ///< Of DispatcherInput::tasks.
   std::span<const Start> started;
   std::span<const Ended> ended;
-  std::span<const Sliced> left = {};
+  std::span<const Sliced> suspended = {};
   std::span<const Sliced> resumed = {};
 };
 
@@ -102,17 +102,17 @@ class Dispatcher {
   /// that is never released is kept. Refused: a firing that is not known, or released.
   bool release(FiringId firing, Nanos now);
   /// The paper's per-unit callback: @p task ended on @p unit, where it was started. A failed task
-  /// drops its successors; one that is given back keeps its place in line, and leaves as kFailed if
-  /// no unit is left that the policy would let try. The unit goes on with the high-priority queue,
+  /// drops its successors; one that is given back keeps its place in line, and fails if there
+  /// is no other unit that the policy would let try. The unit goes on with the high-priority queue,
   /// then with its own.
   /// Refused: a task that does not run there, as after a second completion.
   bool complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, Effects& out);
   /// @p task, which runs on @p unit, has ended a slice there and another one follows. What waits
-  /// for the unit with a nearer deadline, and is of another workload than all that is left there,
-  /// starts in its place: the task is left (Effects::left), keeps the unit and counts as one. It
-  /// goes on when what was let in has ended and nothing waits that is more urgent
-  /// (Effects::resumed); where it is not left, at once. Refused: a task that does not run there, or
-  /// is left already.
+  /// for the unit with a nearer deadline, and is of another workload than all that is suspended
+  /// there, starts in its place: the task is suspended (Effects::suspended), keeps the unit and
+  /// counts as one. It is resumed (Effects::resumed) when what was let in has ended and nothing
+  /// waits that is more urgent; where it is not suspended, it goes on at once. Refused: a task that
+  /// does not run there, or is suspended already.
   bool slice_ended(UnitId unit, TaskId task, Nanos now, Effects& out);
   /// Drops a task in any state, and its successors. One that runs keeps its slot until it is
   /// completed. Does nothing if the task is done already (which its caller cannot always know).
@@ -135,9 +135,11 @@ class Dispatcher {
   [[nodiscard]] std::int64_t refused() const { return refused_; }
   /// Q of the paper: tasks queued and running on the unit.
   [[nodiscard]] int load(UnitId unit) const { return load_[unit]; }
-  /// Without those that are left between two slices.
+  /// Without those that are suspended.
   [[nodiscard]] int running(UnitId unit) const { return units_[unit].running; }
-  [[nodiscard]] int left(UnitId unit) const { return static_cast<int>(units_[unit].left.size()); }
+  [[nodiscard]] int suspended(UnitId unit) const {
+    return static_cast<int>(units_[unit].suspended.size());
+  }
   /// Tasks that could start: by unit those in its queue, then those that are in none.
   void list_waiting(std::vector<int>& waiting) const;
   /// Absent if the task is done or unknown.
@@ -152,7 +154,7 @@ class Dispatcher {
     return {tasks_[slot].deadline, tasks_[slot].sequence, slot};
   }
   [[nodiscard]] bool is_urgent(TaskSlot slot) const {
-    return leaves_calls_ && tasks_[slot].deadline != Nanos::max();
+    return slices_end_ && tasks_[slot].deadline != Nanos::max();
   }
   void note_urgent();
   struct Unit {
@@ -160,8 +162,8 @@ class Dispatcher {
     int running = 0;
     UnitState state = UnitState::kUp;
     TaskList queue = {};
-    std::set<ByDeadline> urgent = {};  ///< Those there with a deadline; once calls are left.
-    std::vector<TaskSlot> left = {};   ///< Between two slices, the innermost last.
+    std::set<ByDeadline> urgent = {};      ///< Those there with a deadline; once calls suspend.
+    std::vector<TaskSlot> suspended = {};  ///< The innermost last.
   };
   struct Template {
     std::vector<std::uint32_t> class_of;  ///< By task; kNone until it was submitted once.
@@ -210,12 +212,12 @@ class Dispatcher {
   void tell_moved(TaskSlot slot, Whereabouts from, Whereabouts to, const UnitsView& shown);
   void put_in_queue(TaskSlot slot, UnitId unit, const UnitsView& shown);
   void take_from_queue(TaskSlot slot, UnitId unit);
-  void leave(TaskSlot slot, UnitId unit);
+  void suspend(TaskSlot slot, UnitId unit);
   void resume(UnitId unit);
   bool let_in(UnitId unit, Nanos before, Effects& out);
   [[nodiscard]] bool may_let_in(TaskSlot slot, UnitId unit, Nanos before);
   bool take_in(TaskSlot slot, UnitId unit);
-  void resume_left(Effects& out);
+  void resume_suspended(Effects& out);
   void unlink(TaskSlot slot, Whereabouts to);
   void drop(TaskSlot slot, TaskEnd how, Effects& out);
   void drop_successors(TaskSlot slot, TaskEnd how, Effects& out);
@@ -230,10 +232,10 @@ class Dispatcher {
   UnitMask all_ = 0;
   UnitMask up_ = 0;
   UnitMask gone_ = 0;
-  UnitMask idle_ = 0;                ///< Those that are up and have a slot left.
+  UnitMask idle_ = 0;                ///< Those that are up and have a free slot.
   UnitMask queued_ = 0;              ///< Those with something in their queue.
-  UnitMask left_ = 0;                ///< Those with tasks that are left between two slices.
-  bool leaves_calls_ = false;        ///< Some call has ended a slice.
+  UnitMask suspending_ = 0;          ///< Those with tasks that are suspended.
+  bool slices_end_ = false;        ///< Some call has ended a slice.
   std::vector<UnitId> start_order_;  ///< The policy's order, then the units that it does not name.
   TaskStore tasks_;
   Ties ties_{tasks_};
@@ -261,12 +263,12 @@ class Dispatcher {
 template <typename Make, typename Body>
 bool Dispatcher::take(Nanos now, Effects& out, const Make& input, const Body& body) {
   now_ = std::max(now_, now);
-  std::size_t submitted = 0, started = 0, ended = 0, left = 0, resumed = 0;
+  std::size_t submitted = 0, started = 0, ended = 0, suspended = 0, resumed = 0;
   if (observer_ != nullptr) {
     submitted = out.submitted.size();
     started = out.started.size();
     ended = out.ended.size();
-    left = out.left.size();
+    suspended = out.suspended.size();
     resumed = out.resumed.size();
   }
   const bool taken = count_refused(body());
@@ -275,7 +277,7 @@ bool Dispatcher::take(Nanos now, Effects& out, const Make& input, const Body& bo
                                   .submitted = std::span(out.submitted).subspan(submitted),
                                   .started = std::span(out.started).subspan(started),
                                   .ended = std::span(out.ended).subspan(ended),
-                                  .left = std::span(out.left).subspan(left),
+                                  .suspended = std::span(out.suspended).subspan(suspended),
                                   .resumed = std::span(out.resumed).subspan(resumed)});
   }
   return taken;

@@ -12,7 +12,7 @@ using Slot = std::uint32_t;
 
 inline constexpr Slot kNoSlot = UINT32_MAX;
 
-/// Free records stay as their last owner left them, and so does their memory.
+/// Free records stay as they were when they were given back, and so does their memory.
 template <typename Record>
 class SlotTable {
  public:

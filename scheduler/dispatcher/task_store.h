@@ -53,7 +53,7 @@ struct TaskRecord {
   Nanos dispatched_at{0};
   Nanos ready_at{0};
   Nanos deadline = Nanos::max();  ///< Nanos::max() = none.
-  bool left = false;              ///< Runs, and is left between two slices.
+  bool suspended = false;         ///< Runs, and is between two slices.
   bool expires = false;           ///< Watched for that,
   bool recalled = false;          ///< and for being taken back.
   bool in_state = false;          ///< In the queue of a state; see TaskTies.

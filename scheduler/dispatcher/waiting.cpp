@@ -84,7 +84,7 @@ void Waiting::list_asking() {
   std::ranges::make_heap(asking_, Later{tasks_});
 }
 
-/// That with the first task, which is asked for now; null if none is left.
+/// That with the first task, which is asked for now; null if there is no other.
 Waiting::Class* Waiting::next_asking() {
   if (asking_.empty()) return nullptr;
   std::ranges::pop_heap(asking_, Later{tasks_});

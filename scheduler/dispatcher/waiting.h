@@ -68,7 +68,7 @@ class Waiting {
   void had_turn(std::uint32_t entry) {
     if (entry < first_parked_.size() && first_parked_[entry] != kNone) wake_parked(entry);
   }
-  /// A load fell, a unit changed, or something left: what was refused is asked for again, if it
+  /// A load fell, a unit changed, or a task ended: what was refused is asked for again, if it
   /// does not await what has not happened.
   void forget_refusals() { refusals_stand_ = false; }
   /// The load of the unit fell.

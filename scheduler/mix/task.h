@@ -112,15 +112,15 @@ struct Start {
   UnitId unit = 0;
   Nanos dispatched_at{0};  ///< When it was given to the unit's queue: latency counts from here.
   Nanos ready_at{0};       ///< When its predecessors were complete: waiting counts from here.
-  /// In the place of a task of the unit that has been left between two slices: where that runs,
-  /// before it goes on.
+  /// In the place of a task of the unit that has been suspended between two slices: where that
+  /// runs, before it is resumed.
   bool let_in = false;
 };
 
 /// How a task ended, for good; what a unit says of one try is an Outcome.
 enum class TaskEnd : std::uint8_t {
   kCompleted,
-  kFailed,         ///< Its kernel threw, or no unit is left that could take it.
+  kFailed,         ///< Its kernel threw, or there is no unit any more that could take it.
   kDropped,        ///< A task that it comes after did not complete.
   kExpired,        ///< It had not started in time.
   kCancelled,      ///< By whoever submitted it; the dispatcher says kDropped.
@@ -132,7 +132,7 @@ inline constexpr std::array<std::string_view, 6> kTaskEnds = {
   return kTaskEnds[static_cast<std::size_t>(end)];
 }
 
-/// A task that left otherwise than by its unit's word just now.
+/// A task that ended otherwise than by its unit's word just now.
 struct Ended {
   TaskId task = 0;
   TaskEnd how = TaskEnd::kDropped;
@@ -146,7 +146,7 @@ struct Recalled {
   UnitId unit = 0;
 };
 
-/// A task that runs and is left between two slices, or goes on after that.
+/// A task that is suspended between two slices, or resumed.
 struct Sliced {
   TaskId task = 0;
   UnitId unit = 0;
@@ -159,17 +159,18 @@ struct Effects {
   std::vector<Start> started;
   std::vector<Ended> ended;
   std::vector<Recalled> recalled;
-  std::vector<Sliced> left;     ///< It keeps its unit; what starts there comes first.
-  std::vector<Sliced> resumed;  ///< The last one of its unit that was left.
+  std::vector<Sliced> suspended;  ///< It keeps its unit; what starts there comes first.
+  std::vector<Sliced> resumed;    ///< The last one of its unit that was suspended.
   [[nodiscard]] bool empty() const {
-    return started.empty() && ended.empty() && recalled.empty() && left.empty() && resumed.empty();
+    return started.empty() && ended.empty() && recalled.empty() && suspended.empty() &&
+           resumed.empty();
   }
   void clear() {
     submitted.clear();
     started.clear();
     ended.clear();
     recalled.clear();
-    left.clear();
+    suspended.clear();
     resumed.clear();
   }
 };
@@ -183,7 +184,7 @@ struct TaskCounts {
   std::int64_t failed = 0;
   std::int64_t no_predecessor = 0;  ///< Of `dropped`.
   std::int64_t returned = 0;        ///< How often a task was given back.
-  std::int64_t left = 0;            ///< How often one was left between two slices.
+  std::int64_t suspended = 0;       ///< How often one was, between two slices.
   [[nodiscard]] std::int64_t queued() const {
     return submitted - completed - dropped - expired - failed;
   }

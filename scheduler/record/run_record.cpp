@@ -158,7 +158,7 @@ void visit_record(Visitor& visitor, Record& record) {
   visitor.field("power_cap_w", record.power_cap_w);
   visitor.field("over_cap", record.over_cap);
   visitor.field("power_highest_w", record.power_highest_w);
-  visitor.field("slices_left", record.slices_left);
+  visitor.field("slices_left", record.suspensions);
   visitor.field("planned_makespan_s", record.planned_makespan_s);
   visitor.field("makespan_s", record.makespan_s);
   visitor.field("drain_s", record.drain_s);

@@ -157,8 +157,8 @@ struct RunRecord {
   std::optional<double> power_highest_w;  ///< Of any second, with a cap, in virtual time.
   std::vector<TriedPlan> tried;           ///< What it might have followed.
 
-  /// How often calls were left between two slices for more urgent ones; absent if they never were.
-  std::optional<std::int64_t> slices_left;
+  /// How often calls were suspended for more urgent ones; absent if they never were.
+  std::optional<std::int64_t> suspensions;
 
   // Of static plans of a mix that fires once.
   std::optional<double> planned_makespan_s;

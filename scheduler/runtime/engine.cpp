@@ -184,7 +184,7 @@ Runtime::Engine::Prospect Runtime::Engine::prospect(const Submitted& task) {
   return so_far;
 }
 
-/// Whether what was posted may be left for the turn that the end of some call will bring: nothing
+/// Whether what was posted may wait for the turn that the end of some call will bring: nothing
 /// could start now. Who has the turn publishes how it ends before it looks at what was posted
 /// meanwhile: either it finds the task, or this finds how it ended.
 /// @param turns  As it was before @p prospect was.
@@ -230,7 +230,7 @@ RuntimeStatistics Runtime::Engine::statistics() {
   RuntimeStatistics statistics = counts_;
   statistics.problems = problems_.first();
   statistics.returned = dispatcher_->counts().returned;
-  statistics.left = dispatcher_->counts().left;
+  statistics.suspended = dispatcher_->counts().suspended;
   statistics.set_up = set_up_;
   statistics.live = statistics.submitted - statistics.completed - statistics.failed -
                     statistics.dropped - statistics.expired - statistics.cancelled;
@@ -246,7 +246,7 @@ RuntimeStatistics Runtime::Engine::statistics() {
   }
   end_turn(turn, ended);
   tell(ended, Thread::kTheirs);
-  work(Thread::kTheirs);  // What was left to who had the turn.
+  work(Thread::kTheirs);  // What was posted for who had the turn.
   return statistics;
 }
 

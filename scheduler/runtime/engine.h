@@ -238,7 +238,7 @@ class Runtime::Engine {
   void finish(Submitted& task, TaskEnd end);
   void forget(Submitted& task);
   void tell(TaskChain& ended, Thread thread);
-  void tell_left();
+  void tell_posted();
   void call_back(TaskRef task);
   void told(TaskRef task);
   void add_problem(std::string problem);
@@ -275,7 +275,7 @@ class Runtime::Engine {
   };
   SlabOwner records_;
 
-  // What is left for who has the turn, the newest first.
+  // What is posted for who has the turn, the newest first.
   std::atomic<Submitted*> submitted_ = nullptr;
   std::atomic<Submitted*> ended_calls_ = nullptr;
   enum : unsigned { kTakeIn = 1, kLook = 2 };
@@ -319,8 +319,8 @@ class Runtime::Engine {
 
   std::mutex telling_;
   TaskChain to_tell_;  ///< Those that ended in the turn of a thread that is not the runtime's.
-  std::vector<std::string> to_say_;          ///< Problems, where somebody wants to hear of them.
-  std::atomic<bool> anything_left_ = false;  ///< Of these two.
+  std::vector<std::string> to_say_;             ///< Problems, where somebody wants to hear of them.
+  std::atomic<bool> anything_to_tell_ = false;  ///< Of these two.
 
   runtime::Room room_;
 

@@ -45,9 +45,9 @@ void Runtime::Engine::bring_back(std::string_view name) {
     lost = !units_[unit].in_service;
     if (known && !lost) static_cast<void>(ask_for_all(unit));
     busy = known && lost && !live_units_.at(unit).abandoned() &&
-           dispatcher_->running(unit) + dispatcher_->left(unit) > 0;
+           dispatcher_->running(unit) + dispatcher_->suspended(unit) > 0;
   }
-  work(Thread::kTheirs);  // What was left to who had the turn.
+  work(Thread::kTheirs);  // What was posted for who had the turn.
   if (!known) throw_bad_input("unit " + model.name + " computes nothing here");
   if (!lost) return;
   if (busy) {
@@ -146,14 +146,14 @@ void Runtime::Engine::give_up(const LiveUnits::Hung& hung) {
     take_event(each);
   };
   // What waits for it between two slices never ends either.
-  for (const std::uint64_t token : hung.left) {
-    Submitted& left = task_at(token);
-    TaskRef::hold(left);
-    if (const auto& id = workloads_[left.workload_index].state) {
+  for (const std::uint64_t token : hung.suspended) {
+    Submitted& outer = task_at(token);
+    TaskRef::hold(outer);
+    if (const auto& id = workloads_[outer.workload_index].state) {
       states_[*id] = std::make_shared<StateValue>(*states_[*id]);
     }
     give_end(token, {.outcome = Outcome::kFailed,
-                     .problem = left.workload->name + ": left for " + task.workload->name +
+                     .problem = outer.workload->name + ": left for " + task.workload->name +
                                 ", which hangs"});
   }
   give_end(hung.token, {.outcome = Outcome::kFailed, .busy = hung.ran, .problem = problem});
@@ -195,7 +195,7 @@ void Runtime::Engine::watch(const std::stop_token& stop) {
     lock.unlock();
     asked_.fetch_or(kLook);
     work(Thread::kOurs);
-    if (anything_left_) tell_left();
+    if (anything_to_tell_) tell_posted();
     lock.lock();
   }
 }

@@ -34,7 +34,7 @@ std::size_t checked(std::size_t most_tasks) {
 }
 
 /// As set_up_mode has it, which may not be asked yet.
-bool leaves_calls(const RuntimeOptions& options) {
+bool suspends_calls(const RuntimeOptions& options) {
   return options.prepare_first && options.slices.value_or(find_policy(options.mode).budgets);
 }
 
@@ -68,7 +68,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
            .keeps = own_,
            .stop = {},
            .progress = options_.progress,
-           .slice_ended = leaves_calls(options_)
+           .slice_ended = suspends_calls(options_)
                               ? std::function([this](UnitId, Call& call) { slice_ended(call); })
                               : nullptr},
           [this](UnitId, Call& call, CallEnd& end) { ended(call, end); }) {
@@ -79,7 +79,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
   ScheduleOptions schedule;
   schedule.mode = options_.mode;
   schedule.strict = options_.strict;
-  schedule.slices = leaves_calls(options_);
+  schedule.slices = suspends_calls(options_);
   setup_.emplace(set_up_mode(options_.platform, options_.profile ? &*options_.profile : nullptr,
                              mix_, schedule));
   if (setup_->mode.policy.planner != nullptr) {
@@ -116,7 +116,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
   note_reach();  // Before the first task: nothing is given to what is out of reach.
   set_up_ = clock_.now() - begin;
   watcher_ = start_thread([this](const std::stop_token& stop) { watch(stop); });
-  if (anything_left_) wake_watcher();
+  if (anything_to_tell_) wake_watcher();
 }
 
 void Runtime::Engine::list_workloads() {

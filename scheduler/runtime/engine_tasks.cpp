@@ -91,8 +91,10 @@ void Runtime::Engine::take_end(Submitted& task) {
   const bool wanted = !task.is_decided();
   unit.busy += end.busy;
   unit.powered += end.powered(is_elsewhere(options_.platform.units[task.unit]));
-  // Of one between two slices it has been told.
-  if (!std::exchange(task.suspended, false) && trace_) trace_->left(task.unit, slot_of(task.id));
+  // Of one that is suspended it has been told.
+  if (!std::exchange(task.suspended, false) && trace_) {
+    trace_->departed(task.unit, slot_of(task.id));
+  }
   if (!end.problem.empty()) add_problem(end.problem);
   if (wanted) {
     task.busy = end.busy;
@@ -122,17 +124,17 @@ void Runtime::Engine::count_running(UnitId id, int more) {
 void Runtime::Engine::take_slice(Submitted& task) {
   const UnitId unit = task.unit;
   now_ = std::max(now_, task.call_end.at);
-  bool leaves = false;
+  bool suspends = false;
   try {
     dispatcher_->slice_ended(unit, task.id, now_, effects_);
-    leaves = !effects_.left.empty();
-    task.suspended = leaves;
-    if (leaves && trace_) trace_->left(unit, slot_of(task.id));
+    suspends = !effects_.suspended.empty();
+    task.suspended = suspends;
+    if (suspends && trace_) trace_->departed(unit, slot_of(task.id));
     apply();
   } catch (const std::exception& error) {
     add_problem(task.workload->name + ": " + error.what());
   }
-  if (!leaves) live_units_.go_on(unit);  // From now on the record may be posted again.
+  if (!suspends) live_units_.go_on(unit);  // From now on the record may be posted again.
 }
 
 void Runtime::Engine::cancel_asked() {

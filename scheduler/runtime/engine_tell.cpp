@@ -9,7 +9,7 @@ void Runtime::Engine::add_problem(std::string problem) {
   if (options_.problem) {
     const std::lock_guard lock(telling_);
     to_say_.push_back(problem);
-    anything_left_ = true;
+    anything_to_tell_ = true;
   }
   problems_.add(std::move(problem));
 }
@@ -17,7 +17,7 @@ void Runtime::Engine::add_problem(std::string problem) {
 /// Without the turn: callbacks may submit.
 void Runtime::Engine::tell(TaskChain& ended, Thread thread) {
   const bool ours = thread == Thread::kOurs;
-  bool left = false;
+  bool posted = false;
   while (!ended.empty()) {
     TaskRef task(ended.take_first());
     if (!task->callback) {
@@ -27,16 +27,16 @@ void Runtime::Engine::tell(TaskChain& ended, Thread thread) {
     } else {
       const std::lock_guard lock(telling_);
       to_tell_.push(task.release());
-      left = anything_left_ = true;
+      posted = anything_to_tell_ = true;
     }
   }
-  if (ours && anything_left_) tell_left();
-  if (!ours && (left || anything_left_)) wake_watcher();
+  if (ours && anything_to_tell_) tell_posted();
+  if (!ours && (posted || anything_to_tell_)) wake_watcher();
 }
 
 /// What ended in the turn of somebody else's thread, and problems.
-void Runtime::Engine::tell_left() {
-  while (anything_left_.exchange(false)) {
+void Runtime::Engine::tell_posted() {
+  while (anything_to_tell_.exchange(false)) {
     TaskChain tasks;
     std::vector<std::string> problems;
     {
@@ -48,7 +48,7 @@ void Runtime::Engine::tell_left() {
       const runtime::MustNotWait within;
       try {
         options_.problem(each);
-      } catch (...) {  // There is nobody left to tell.
+      } catch (...) {  // There is nobody else to tell.
       }
     }
     while (!tasks.empty()) call_back(TaskRef(tasks.take_first()));
@@ -74,7 +74,7 @@ void Runtime::Engine::call_back(TaskRef task) {
       const auto turn = turn_.take();
       add_problem("callback of " + future.task_->workload->name + ": " + thrown);
     }
-    wake_watcher();  // What was left to who had the turn.
+    wake_watcher();  // What was posted for who had the turn.
   }
   told(std::move(future.task_));
 }

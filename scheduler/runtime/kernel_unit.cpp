@@ -71,7 +71,7 @@ void KernelUnit::leave(std::unique_ptr<KernelUnit> unit) {
   // For ever, and where whoever looks for leaks finds them.
   static std::atomic<KernelUnit*> newest = nullptr;
   KernelUnit& stays = *unit.release();
-  stays.left_before_ = newest.exchange(&stays);
+  stays.stayed_before_ = newest.exchange(&stays);
 }
 
 bool KernelUnit::is_over_start(Nanos most) {
@@ -269,7 +269,7 @@ bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
   if (remote == nullptr && call.unwanted) lane.stop.request_stop();
   lane.paused = Nanos::zero();
   Slices slices(*this, lane, call, begin);
-  const HearsSlices hears(leaves_calls() ? &slices : nullptr);
+  const HearsSlices hears(suspends_calls() ? &slices : nullptr);
   const bool in_phases = !begins || execute(lane, call, end);
   if (!begins) end.outcome = Outcome::kReturned;
   end.at = clock_.now();

@@ -53,9 +53,9 @@ struct UnitSetup {
   std::shared_ptr<const void> keeps =
       {};  ///< There as long as the unit: what its workloads are in.
   /// From the unit's thread: the call has ended a slice, and waits until it goes on (go_on) or one
-  /// is let in (let_in), which may be said from within. Must not throw. Empty = calls are not left.
-  /// Nor are they where making a kernel could fall between two slices: of a unit with contexts, or
-  /// that does not prepare first.
+  /// is let in (let_in), which may be said from within. Must not throw. Empty = calls are not
+  /// suspended. Nor are they where making a kernel could fall between two slices: of a unit with
+  /// contexts, or that does not prepare first.
   std::function<void(Call& call)> slice_ended = {};
 };
 
@@ -105,10 +105,10 @@ class KernelUnit {
   /// Runs the call after those before it. Any thread, which waits for nobody; from `done` the
   /// thread that called it goes on with it.
   void run(Call& call);
-  /// What waits between two slices is left for this one, and is told of the next step again when
-  /// that is done.
+  /// What waits between two slices stays suspended for this one, and is told of the next step again
+  /// when that is done.
   void let_in(Call& call);
-  /// What was left last, or is to be, goes on.
+  /// What was suspended last, or is to be, goes on.
   void go_on();
   struct Running : runtime::RunningCall::Seen {
     std::size_t lane = 0;
@@ -120,8 +120,9 @@ class KernelUnit {
   /// Of a unit with one lane.
   [[nodiscard]] std::optional<std::vector<std::uint64_t>> abandon(const Running& call);
   [[nodiscard]] bool abandoned() const { return abandoned_; }
-  /// Tokens of the calls that are left between two slices. Of one that was abandoned, never to end.
-  [[nodiscard]] std::vector<std::uint64_t> left();
+  /// Tokens of the calls that are suspended between two slices. Of one that was abandoned, never to
+  /// end.
+  [[nodiscard]] std::vector<std::uint64_t> suspended();
   /// Whoever made the call wants its result no more; it may hear of that. One that waits, or is
   /// under way, elsewhere is withdrawn, and given back soon. @return  Whether that is news.
   /// @param call  That it was given and that is not done, or one that runs.
@@ -172,11 +173,11 @@ class KernelUnit {
     bool telling = false;   ///< The thread is within done_.
     Call* next = nullptr;   ///< Before those that wait.
     Nanos awake{0};         ///< Since the last call.
-    Nanos paused{0};        ///< How long the call that runs was left.
+    Nanos paused{0};        ///< How long the call that runs was suspended.
     // What was said of a call that waits between two slices.
     std::atomic<Call*> let_in = nullptr;
     std::atomic<bool> goes_on = false;
-    std::vector<Call*> left;  ///< The innermost last; with taking_.
+    std::vector<Call*> suspended;  ///< The innermost last; with taking_.
   };
   class Slices;
 
@@ -196,7 +197,7 @@ class KernelUnit {
   Prepared& prepare(Lane& lane, const Preparation& preparation);
   void run_once(Lane& lane, const Preparation& preparation, Prepared& prepared);
   Prepared& prepared(Lane& lane, const Workload& workload, CallEnd& end);
-  [[nodiscard]] bool leaves_calls() const;
+  [[nodiscard]] bool suspends_calls() const;
   void between_slices_of(Lane& lane, Call& call, Nanos begin);
   bool run_let_in(Lane& lane);
   bool run_call(Lane& lane, Call& call, CallEnd& end);
@@ -227,8 +228,8 @@ class KernelUnit {
   std::mutex taking_;                    ///< Lanes' alone, and of who abandons one.
   std::atomic<Call*> queued_ = nullptr;  ///< Oldest first, before posted_; changed with taking_.
   runtime::Bell bell_;
-  KernelUnit* left_before_ = nullptr;  ///< Of those that stay for ever.
-  std::jthread thread_;                ///< Last: all else is there before it and after it.
+  KernelUnit* stayed_before_ = nullptr;  ///< Of those that stay for ever.
+  std::jthread thread_;                  ///< Last: all else is there before it and after it.
 };
 
 }  // namespace pirt

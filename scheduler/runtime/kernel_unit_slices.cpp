@@ -6,7 +6,7 @@
 
 namespace pirt {
 
-bool KernelUnit::leaves_calls() const {
+bool KernelUnit::suspends_calls() const {
   return setup_.slice_ended && setup_.prepare_first && !setup_.contexts && lanes_.size() == 1 &&
          !is_remote();
 }
@@ -21,14 +21,14 @@ void KernelUnit::go_on() {
   bell_.ring(1);
 }
 
-std::vector<std::uint64_t> KernelUnit::left() {
+std::vector<std::uint64_t> KernelUnit::suspended() {
   const std::lock_guard lock(taking_);
   std::vector<std::uint64_t> tokens;
-  for (const Call* each : lanes_.front().left) tokens.push_back(each->token);
+  for (const Call* each : lanes_.front().suspended) tokens.push_back(each->token);
   return tokens;
 }
 
-/// While it asks and is left the call does not run, for whoever looks: it does not hang.
+/// While it asks and is suspended the call does not run, for whoever looks: it does not hang.
 /// @param begin  Of the call.
 void KernelUnit::between_slices_of(Lane& lane, Call& call, Nanos begin) {
   if (stopping_ || abandoned_) return;
@@ -38,7 +38,7 @@ void KernelUnit::between_slices_of(Lane& lane, Call& call, Nanos begin) {
   if (!lane.running.end()) return;
   {
     const std::lock_guard lock(taking_);
-    lane.left.push_back(&call);
+    lane.suspended.push_back(&call);
   }
   const Nanos paused = std::exchange(lane.paused, Nanos::zero());
   std::stop_source stop = std::exchange(lane.stop, std::stop_source());
@@ -52,7 +52,7 @@ void KernelUnit::between_slices_of(Lane& lane, Call& call, Nanos begin) {
   }
   {
     const std::lock_guard lock(taking_);
-    lane.left.pop_back();
+    lane.suspended.pop_back();
   }
   lane.stop = std::move(stop);
   lane.paused = paused + (clock_.now() - since);

@@ -27,10 +27,10 @@ class Latch {
   bool wait_for(Nanos most, const Clock& clock) {
     const Nanos begin = clock.now();
     while (!is_set()) {
-      const Nanos left = most - (clock.now() - begin);
-      if (left <= Nanos::zero()) return false;
-      const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(left);
-      const std::timespec time{.tv_sec = seconds.count(), .tv_nsec = (left - seconds).count()};
+      const Nanos remaining = most - (clock.now() - begin);
+      if (remaining <= Nanos::zero()) return false;
+      const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(remaining);
+      const std::timespec time{.tv_sec = seconds.count(), .tv_nsec = (remaining - seconds).count()};
       sleep(&time);
     }
     return true;

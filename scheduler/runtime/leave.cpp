@@ -34,7 +34,7 @@ std::vector<Nanos> measure_leave(const std::vector<int>& cores, int samples) {
   options.slices = true;
   int let_in = 0;  // Of the unit's thread, too.
   const auto nothing = [&let_in](std::span<const Tensor>, std::span<Tensor>) { ++let_in; };
-  const auto left = [&](std::span<const Tensor>, std::span<Tensor>) {
+  const auto outer = [&](std::span<const Tensor>, std::span<Tensor>) {
     for (int i = 0; i < samples; ++i) {
       static_cast<void>(running->submit("let_in", {}, {.deadline = std::chrono::seconds(1)}));
       const Nanos given_up = clock.now() + kLongest;
@@ -51,13 +51,14 @@ std::vector<Nanos> measure_leave(const std::vector<int>& cores, int samples) {
   };
   options.own.push_back(
       {.name = "let_in", .inputs = {}, .outputs = {}, .kernels = {{kUnit, nothing}}});
-  options.own.push_back({.name = "left", .inputs = {}, .outputs = {}, .kernels = {{kUnit, left}}});
+  options.own.push_back(
+      {.name = "outer", .inputs = {}, .outputs = {}, .kernels = {{kUnit, outer}}});
   Runtime runtime(std::move(options));
   running = &runtime;
-  static_cast<void>(runtime.submit("left", {}, {}));
+  static_cast<void>(runtime.submit("outer", {}, {}));
   runtime.wait_all();
   if (static_cast<int>(times.size()) != samples) {
-    throw_environment("the unit was not left between two slices for 5 s");
+    throw_environment("no call was suspended between two slices for 5 s");
   }
   return times;
 }

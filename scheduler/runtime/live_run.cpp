@@ -83,7 +83,7 @@ class LiveRun final : public Executor {
     note_links();
     units_.close();  // Their threads end.
     result_.tally = time_.finish();
-    // What is left was not waited for; it could have started.
+    // What remains was not waited for; it could have started.
     if (result_.stopped) result_.tally.stalled = 0;
     result_.problems = problems_.first();
     result_.failed_calls = problems_.count();
@@ -210,7 +210,7 @@ class LiveRun final : public Executor {
     return !result_.stopped && dispatcher_.counts().queued() > 0 && units_.any_may_come_back();
   }
 
-  /// Lets events happen when their time has come, until none is left and nothing computes.
+  /// Lets events happen when their time has come, until there is none and nothing computes.
   void pace(std::unique_lock<std::mutex>& lock) {
     Nanos look = now() + kLook;
     while (true) {
@@ -268,7 +268,8 @@ class LiveRun final : public Executor {
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
     if (task.state) states_[*task.state] = std::make_shared<StateValue>(*states_[*task.state]);
     problems_.add(overdue(task.workload, units_.at(hung.unit).name(), hung.ran));
-    for (const std::uint64_t token : hung.left) give_up_left(static_cast<JobIndex>(token));
+    for (const std::uint64_t token : hung.suspended)
+      give_up_suspended(static_cast<JobIndex>(token));
     end_computing(job, {.outcome = Outcome::kFailed, .busy = hung.ran});
     for (const std::uint64_t token : hung.behind) {
       // Nobody has begun with it: what it reads is to be free for others.
@@ -281,7 +282,7 @@ class LiveRun final : public Executor {
   }
 
   /// It waits between two slices for a call that hangs.
-  void give_up_left(JobIndex job) {
+  void give_up_suspended(JobIndex job) {
     static_cast<void>(calls_[job].release());
     const Firings::TaskPlace place = time_.firings().place(job);
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];

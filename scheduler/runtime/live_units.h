@@ -44,7 +44,7 @@ struct LiveUnitsOptions {
   std::shared_ptr<const void> keeps = {};
   std::function<int()> stop = {};  ///< Whether somebody wants no start any more; empty = never.
   std::function<void(const std::string&)> progress = {};
-  /// As UnitSetup. Empty = calls are not left.
+  /// As UnitSetup. Empty = calls are not suspended.
   std::function<void(UnitId unit, Call& call)> slice_ended = {};
 };
 
@@ -98,8 +98,8 @@ class LiveUnits {
   struct Hung {
     UnitId unit = 0;
     std::uint64_t token = 0;
-    std::vector<std::uint64_t> behind;  ///< Of the calls that waited behind it,
-    std::vector<std::uint64_t> left;    ///< and of those that it was let into: they never end.
+    std::vector<std::uint64_t> behind;     ///< Of the calls that waited behind it,
+    std::vector<std::uint64_t> suspended;  ///< and of those that it was let into: they never end.
     Nanos ran{0};
   };
   /// What a call is expected to take; where nobody says, how long it may: absent = as it likes,
@@ -130,7 +130,7 @@ class LiveUnits {
         }
         auto behind = units_[unit]->abandon(call);
         if (behind) {
-          hung.push_back({unit, call.token, *std::move(behind), units_[unit]->left(), ran});
+          hung.push_back({unit, call.token, *std::move(behind), units_[unit]->suspended(), ran});
         }
       }
     }

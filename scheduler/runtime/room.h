@@ -24,8 +24,9 @@ class Room {
   /// The same, however many there are.
   void enter() { tasks_.fetch_add(1); }
   void leave() {
-    const std::size_t left = tasks_.fetch_sub(1) - 1;
-    if ((left <= resume_at_ && waiting_for_room_ > 0) || (left == 0 && waiting_ > 0)) notify();
+    const std::size_t remaining = tasks_.fetch_sub(1) - 1;
+    if ((remaining <= resume_at_ && waiting_for_room_ > 0) || (remaining == 0 && waiting_ > 0))
+      notify();
   }
 
   void wait_for_room() {

@@ -202,7 +202,7 @@ struct RuntimeOptions {
   /// of the unit (`progress` hears of that); never of the catalog's without a profile.
   std::optional<Nanos> time_limit = {};
   /// Tasks with a nearer deadline are let in between two slices of a call, where it says that it
-  /// can be left: some of the catalog's do (WorkloadSpec::slices), and an own function may by
+  /// can be suspended: some of the catalog's do (WorkloadSpec::slices), and an own function may by
   /// between_slices() of workloads/model/slices.h. Absent = in mode budget alone. Not on units with
   /// contexts, elsewhere or without prepare_first.
   std::optional<bool> slices = {};
@@ -246,7 +246,7 @@ struct RuntimeStatistics {
   std::int64_t live = 0;
   std::int64_t late = 0;              ///< Of those that have ended: after their deadline.
   std::int64_t returned = 0;          ///< How often a unit gave a task back, to be tried elsewhere.
-  std::int64_t left = 0;              ///< How often a call was left for a more urgent one.
+  std::int64_t suspended = 0;         ///< How often a call was, for a more urgent one.
   Nanos set_up{0};                    ///< What the start took.
   std::vector<std::string> problems;  ///< The first few: failed calls, lost units, callbacks.
 };
@@ -282,7 +282,7 @@ class Runtime {
   void cancel(const TaskFuture& task);
   /// All that have not ended.
   void cancel_all();
-  /// Until no task is left that has not ended.
+  /// Until all tasks have ended.
   void wait_all();
   /// Opens the unit anew and prepares what it may be asked for; from then on it serves again, also
   /// workloads that it gave back too often. Waits until it is ready, for minutes if need be. Does
@@ -291,7 +291,7 @@ class Runtime {
   /// Error{kEnvironment}: it cannot be opened, or calls that it has been given have not ended.
   void bring_back(std::string_view unit);
   [[nodiscard]] RuntimeStatistics statistics() const;
-  /// A copy of what the tasks that have completed left in the state of that name.
+  /// A copy of what the tasks that have completed made of the state of that name.
   /// @throws Error{kBadInput} if no workload has it.
   [[nodiscard]] std::vector<Tensor> state(std::string_view name) const;
   /// Waits for all tasks, and the file of RuntimeOptions::trace is complete (for Perfetto and `pirt

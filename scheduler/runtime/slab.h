@@ -39,7 +39,7 @@ class Slab {
       record.place.next_free.store(first(head), std::memory_order_relaxed);
     } while (!head_.compare_exchange_weak(head, changed(head, record.place.index)));
     // Nobody takes one any more, so that each comes back once.
-    if ((head & kClosed) != 0 && left_.fetch_sub(1) == 1) delete this;
+    if ((head & kClosed) != 0 && out_.fetch_sub(1) == 1) delete this;
   }
 
   /// Its owner needs none any more.
@@ -52,7 +52,7 @@ class Slab {
       --out;
     }
     // Those that came back since then have been taken from 0.
-    if (left_.fetch_add(out) == -out) delete this;
+    if (out_.fetch_add(out) == -out) delete this;
   }
 
   [[nodiscard]] Record& at(std::uint32_t index) {
@@ -127,8 +127,8 @@ class Slab {
   std::atomic<std::uint64_t> head_ = std::uint64_t{kNone} << 32;
   std::array<std::atomic<Record*>, kChunks> chunks_ = {};
   std::mutex growing_;
-  std::uint32_t made_ = 0;              ///< Records, with growing_.
-  std::atomic<std::int64_t> left_ = 0;  ///< Since it was closed: those that are to come back.
+  std::uint32_t made_ = 0;             ///< Records, with growing_.
+  std::atomic<std::int64_t> out_ = 0;  ///< Since it was closed: those that are to come back.
 };
 
 }  // namespace pirt::runtime

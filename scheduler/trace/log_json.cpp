@@ -244,7 +244,7 @@ void add_decisions(const Answer& answer, std::string& line) {
       fmt::format_to(out, R"([{},"{}"])", each.task, to_string(each.how));
     });
   }
-  add_sliced("leave", answer.left);
+  add_sliced("leave", answer.suspended);
   add_sliced("resume", answer.resumed);
 }
 
@@ -368,7 +368,7 @@ Effects effects_from_json(const Json& json) {
           .started = list_from_json(json, "start", start),
           .ended = list_from_json(json, "end", end),
           .recalled = {},
-          .left = list_from_json(json, "leave", sliced),
+          .suspended = list_from_json(json, "leave", sliced),
           .resumed = list_from_json(json, "resume", sliced)};
 }
 

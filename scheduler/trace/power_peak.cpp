@@ -25,9 +25,9 @@ void PowerPeak::arrived(std::size_t servers_index, std::uint32_t job, double pow
   if (next_ != nullptr) next_->arrived(servers_index, job, power_w);
 }
 
-void PowerPeak::left(std::size_t servers_index, std::uint32_t job) {
-  loads_[servers_index].left(job);
-  if (next_ != nullptr) next_->left(servers_index, job);
+void PowerPeak::departed(std::size_t servers_index, std::uint32_t job) {
+  loads_[servers_index].departed(job);
+  if (next_ != nullptr) next_->departed(servers_index, job);
 }
 
 void PowerPeak::drawing(std::size_t servers_index, double by_w) {

@@ -18,7 +18,7 @@ class PowerPeak final : public RunObserver {
   void submitted(TaskId task, std::size_t pipeline, std::size_t position,
                  std::uint64_t firing) override;
   void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
-  void left(std::size_t servers_index, std::uint32_t job) override;
+  void departed(std::size_t servers_index, std::uint32_t job) override;
   void drawing(std::size_t servers_index, double by_w) override;
   void preparing(TaskId task, Nanos now, Nanos takes) override;
   void settled(Nanos now, std::span<const int> waiting) override;

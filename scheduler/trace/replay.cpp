@@ -21,7 +21,7 @@ bool same(const Start& a, const Start& b) {
 }
 
 bool same(const Effects& a, const Effects& b) {
-  return a.submitted == b.submitted && a.ended == b.ended && a.left == b.left &&
+  return a.submitted == b.submitted && a.ended == b.ended && a.suspended == b.suspended &&
          a.resumed == b.resumed &&
          std::ranges::equal(a.started, b.started,
                             [](const Start& x, const Start& y) { return same(x, y); });
@@ -164,7 +164,7 @@ class Replay {
   std::string describe(bool taken, const Effects& effects) const {
     if (!taken) return "refuses it";
     std::vector<std::string> parts;
-    for (const Sliced& each : effects.left) {
+    for (const Sliced& each : effects.suspended) {
       parts.push_back(fmt::format("leaves task {} on {}", each.task, unit_name(each.unit)));
     }
     for (const Start& each : effects.started) {

@@ -17,12 +17,12 @@ class RunObserver {
   /// The dispatcher has taken the task; nothing has been done yet that follows from that.
   virtual void submitted(TaskId task, std::size_t pipeline, std::size_t position,
                          std::uint64_t firing) = 0;
-  /// A step arrives at, and leaves, the servers of a unit, or of a link.
+  /// A step arrives at, and departs from, the servers of a unit, or of a link.
   /// @param servers_index  Units in order, then links.
-  /// @param job      Unique among those that have arrived and not left.
+  /// @param job      Unique among those that have arrived and not departed.
   /// @param power_w  Drawn while a server works on it at full rate.
   virtual void arrived(std::size_t servers_index, std::uint32_t job, double power_w) = 0;
-  virtual void left(std::size_t servers_index, std::uint32_t job) = 0;
+  virtual void departed(std::size_t servers_index, std::uint32_t job) = 0;
   /// Beside what its servers do, the unit or link draws so much more from now on, or less.
   virtual void drawing(std::size_t servers_index, double by_w) {
     static_cast<void>(servers_index), static_cast<void>(by_w);

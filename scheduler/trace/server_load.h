@@ -20,7 +20,7 @@ struct ServerLoad {
 
   void arrived(std::uint32_t job, double power_w) { jobs.emplace_back(job, power_w); }
   /// Nothing, if it is not there.
-  void left(std::uint32_t job) {
+  void departed(std::uint32_t job) {
     std::erase_if(jobs, [job](const auto& each) { return each.first == job; });
   }
   [[nodiscard]] double power_w() const;

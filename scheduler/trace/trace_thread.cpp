@@ -54,7 +54,7 @@ class TraceThread::Teller {
     answer.submitted = take(effects.submitted, submitted_, answer.submitted.size());
     answer.started = take(effects.started, started_, answer.started.size());
     answer.ended = take(effects.ended, ended_, answer.ended.size());
-    answer.left = take(effects.left, left_, answer.left.size());
+    answer.suspended = take(effects.suspended, suspended_, answer.suspended.size());
     answer.resumed = take(effects.resumed, resumed_, answer.resumed.size());
     writer_.on_input(input, answer);
   }
@@ -65,7 +65,7 @@ class TraceThread::Teller {
     writer_.arrived(event.servers_index, event.job, event.power_w);
   }
   void operator()(const Drawing& event) { writer_.drawing(event.servers_index, event.by_w); }
-  void operator()(const Left& event) { writer_.left(event.servers_index, event.job); }
+  void operator()(const Departed& event) { writer_.departed(event.servers_index, event.job); }
   void operator()(const Preparing& event) { writer_.preparing(event.task, event.now, event.takes); }
   void operator()(const Settled& event) {
     writer_.settled(event.now, take(batch_.waiting, waiting_, event.waiting));
@@ -81,7 +81,7 @@ class TraceThread::Teller {
   Batch& batch_;
   TraceWriter& writer_;
   std::size_t tasks_ = 0, after_ = 0, after_own_ = 0, reads_ = 0, submitted_ = 0, started_ = 0;
-  std::size_t ended_ = 0, left_ = 0, resumed_ = 0, waiting_ = 0;
+  std::size_t ended_ = 0, suspended_ = 0, resumed_ = 0, waiting_ = 0;
 };
 
 TraceThread::TraceThread(TraceWriter& writer)
@@ -144,7 +144,7 @@ void TraceThread::on_input(const DispatcherInput& input, const Answer& answer) {
   append(filling_.effects.submitted, answer.submitted);
   append(filling_.effects.started, answer.started);
   append(filling_.effects.ended, answer.ended);
-  append(filling_.effects.left, answer.left);
+  append(filling_.effects.suspended, answer.suspended);
   append(filling_.effects.resumed, answer.resumed);
   add(Input{input, answer});
 }
@@ -160,9 +160,9 @@ void TraceThread::arrived(std::size_t servers_index, std::uint32_t job, double p
   add(Arrived{servers_index, job, power_w});
 }
 
-void TraceThread::left(std::size_t servers_index, std::uint32_t job) {
+void TraceThread::departed(std::size_t servers_index, std::uint32_t job) {
   const auto lock = room();
-  add(Left{servers_index, job});
+  add(Departed{servers_index, job});
 }
 
 void TraceThread::drawing(std::size_t servers_index, double by_w) {

@@ -31,7 +31,7 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
   void submitted(TaskId task, std::size_t pipeline, std::size_t position,
                  std::uint64_t firing) override;
   void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
-  void left(std::size_t servers_index, std::uint32_t job) override;
+  void departed(std::size_t servers_index, std::uint32_t job) override;
   void drawing(std::size_t servers_index, double by_w) override;
   void preparing(TaskId task, Nanos now, Nanos takes) override;
   void settled(Nanos now, std::span<const int> waiting) override;
@@ -59,7 +59,7 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
     std::size_t servers_index;
     double by_w;
   };
-  struct Left {
+  struct Departed {
     std::size_t servers_index;
     std::uint32_t job;
   };
@@ -71,7 +71,7 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
     Nanos now;
     std::size_t waiting;
   };
-  using Event = std::variant<Input, Submitted, Arrived, Left, Drawing, Preparing, Settled>;
+  using Event = std::variant<Input, Submitted, Arrived, Departed, Drawing, Preparing, Settled>;
 
   /// Events in order, and what they show, each kind in order too. Keeps its memory.
   struct Batch {

@@ -166,8 +166,8 @@ void TraceWriter::arrived(std::size_t servers_index, std::uint32_t job, double p
   loads_[servers_index].arrived(job, power_w);
 }
 
-void TraceWriter::left(std::size_t servers_index, std::uint32_t job) {
-  loads_[servers_index].left(job);
+void TraceWriter::departed(std::size_t servers_index, std::uint32_t job) {
+  loads_[servers_index].departed(job);
 }
 
 void TraceWriter::drawing(std::size_t servers_index, double by_w) {

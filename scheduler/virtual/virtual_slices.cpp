@@ -15,7 +15,7 @@ bool VirtualTime::slice_ended(JobIndex index, Nanos now) {
   if (now_ > firings_.end() && !at_end_) close_books(firings_.end());
   Job& job = jobs_[index];
   must(dispatcher_.slice_ended(job.unit, job.id, now_, effects_));
-  const bool leaves = !effects_.left.empty();
+  const bool leaves = !effects_.suspended.empty();
   if (leaves) leave(index);
   settle();
   return !leaves;
@@ -25,7 +25,7 @@ bool VirtualTime::slice_ended(JobIndex index, Nanos now) {
 void VirtualTime::end_slice(JobIndex index) {
   const Job& job = jobs_[index];
   must(dispatcher_.slice_ended(job.unit, job.id, now_, effects_));
-  if (effects_.left.empty()) return go_on(index);
+  if (effects_.suspended.empty()) return go_on(index);
   leave(index);
 }
 
@@ -34,7 +34,7 @@ void VirtualTime::leave(JobIndex index) {
   job.left = true;
   job.left_at = now_;
   if (job.computing) {
-    if (observer_ != nullptr) observer_->left(job.unit, index);
+    if (observer_ != nullptr) observer_->departed(job.unit, index);
   } else if (call_effects_.any()) {
     job.effects = call_effects_.leave(job.unit, now_);
   }
@@ -92,7 +92,7 @@ void VirtualTime::take_back(const Recalled& recalled) {
     if (served > Nanos::zero()) {
       charge(books_, job, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
     }
-    if (observer_ != nullptr) observer_->left(step.servers, index);
+    if (observer_ != nullptr) observer_->departed(step.servers, index);
   } else {
     const auto timer = std::ranges::find_if(timers_, [index](const Timer& each) {
       return each.kind == TimerKind::kDelay && each.index == index;

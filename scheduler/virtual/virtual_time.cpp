@@ -165,7 +165,7 @@ bool VirtualTime::advance(Nanos now) {
     Job& job = jobs_[index];
     const CallStep& step = step_of(job);
     charge(books_, job, job.takes, job.powered);
-    if (observer_ != nullptr) observer_->left(step.servers, index);
+    if (observer_ != nullptr) observer_->departed(step.servers, index);
     if (step.slices != nullptr && job.rest > Nanos::zero()) {
       end_slice(index);
     } else {
@@ -225,7 +225,7 @@ void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
     books_.count_preparing(job.unit, *end.preparing);
     prepared(job, job.started_at, *end.preparing);
   }
-  if (observer_ != nullptr && !std::exchange(job.left, false)) observer_->left(job.unit, index);
+  if (observer_ != nullptr && !std::exchange(job.left, false)) observer_->departed(job.unit, index);
   complete(index, end.outcome, end.busy, std::move(end.data));
   settle();
 }

@@ -120,7 +120,7 @@ inline void print_robot(const Platform& platform, const Profile* profile) {
       longest_ms = std::max(longest_ms, std::chrono::duration<double, std::milli>(
                                             std::chrono::steady_clock::now() - begin)
                                             .count());
-      left += run.slices_left.value_or(0);
+      left += run.suspensions.value_or(0);
       for (const auto& pipeline : run.pipelines) {
         if (!pipeline.deadline_ms) waiting += pipeline.unfinished;
         misses += pipeline.deadline_misses.value_or(0);

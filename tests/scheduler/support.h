@@ -172,7 +172,7 @@ class NamedDispatcher : public Dispatcher {
     append(out.started, made.started);
     append(out.ended, made.ended);
     append(out.recalled, made.recalled);
-    append(out.left, made.left);
+    append(out.suspended, made.suspended);
     append(out.resumed, made.resumed);
     return taken;
   }
@@ -250,7 +250,7 @@ class Script {
       if (!text.empty()) text += ' ';
       text += what + std::to_string(id);
     };
-    for (const Sliced& left : out_.left) add('~', left.task);
+    for (const Sliced& left : out_.suspended) add('~', left.task);
     for (const Start& start : out_.started) add(letter(start.unit), start.task);
     for (const Ended& ended : out_.ended)
       add(" x-! ?"[static_cast<std::size_t>(ended.how)], ended.task);

@@ -360,7 +360,7 @@ TEST(PowerPeak, FindsTheFullestSecond) {
   for (const auto& [from, to] : {std::pair(500, 900), std::pair(1400, 1600)}) {
     peak.arrived(0, 1, 2);
     peak.settled(milliseconds(from), none);
-    peak.left(0, 1);
+    peak.departed(0, 1);
     peak.settled(milliseconds(to), none);
   }
   EXPECT_NEAR(peak.highest_w(), 0.5 + 2 * 0.5, 1e-9);

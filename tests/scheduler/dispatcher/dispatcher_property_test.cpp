@@ -349,8 +349,8 @@ class Model {
     const Known& known = tasks_.at(id);
     const UnitId unit = *known.runs_on;
     ASSERT_EQ(dispatcher_.slice_ended(unit, id, said_time(), out_), !known.left);
-    ASSERT_LE(out_.left.size(), 1U);
-    ASSERT_TRUE(out_.left.empty() || out_.left[0] == (Sliced{id, unit}));
+    ASSERT_LE(out_.suspended.size(), 1U);
+    ASSERT_TRUE(out_.suspended.empty() || out_.suspended[0] == (Sliced{id, unit}));
     // Nothing is resumed that was not left; this one, if it is left, has not ended a slice since.
     absorb();
   }
@@ -386,7 +386,7 @@ class Model {
 
   /// Every start and every end has to be one that the model allows.
   void absorb() {
-    for (const Sliced& each : out_.left) {
+    for (const Sliced& each : out_.suspended) {
       Known& known = tasks_.at(each.task);
       ASSERT_TRUE(known.runs_on == each.unit && !known.left);
       known.left = true;
@@ -496,13 +496,13 @@ class Model {
     }
     for (UnitId unit = 0; unit < kRoles.size(); ++unit) {
       EXPECT_EQ(dispatcher_.running(unit), on_unit[unit]);
-      EXPECT_EQ(dispatcher_.left(unit), static_cast<int>(lefts_[unit].size()));
+      EXPECT_EQ(dispatcher_.suspended(unit), static_cast<int>(lefts_[unit].size()));
       // What is left goes on as soon as there is a slot.
       EXPECT_TRUE(lefts_[unit].empty() || dispatcher_.running(unit) == slots_[unit]);
       EXPECT_LE(dispatcher_.running(unit), slots_[unit]);
       // Nothing waits in the queue of a unit that could start it, or of one that is not up.
       const int queued =
-          dispatcher_.load(unit) - dispatcher_.running(unit) - dispatcher_.left(unit);
+          dispatcher_.load(unit) - dispatcher_.running(unit) - dispatcher_.suspended(unit);
       EXPECT_GE(queued, 0);
       const bool nothing_waits = contains(down_, unit) || dispatcher_.running(unit) < slots_[unit];
       EXPECT_TRUE(!nothing_waits || queued == 0);

@@ -94,7 +94,7 @@ TEST(LiveSlices, AnUrgentTaskRunsBetweenTwoSlicesOfALongOne) {
     EXPECT_EQ(order.text,
               slices ? "long short goes on ends short " : "long goes on ends short short ");
     const auto statistics = runtime.statistics();
-    EXPECT_EQ(statistics.left, slices ? 1 : 0);
+    EXPECT_EQ(statistics.suspended, slices ? 1 : 0);
     EXPECT_EQ(statistics.completed, 3);
     runtime.write_trace();
     const auto replayed = replay_file(trace_path());
@@ -125,7 +125,7 @@ TEST(LiveSlices, NestAsDeadlinesDo) {
   deepest.count_down();
   runtime.wait_all();
   EXPECT_EQ(order.text, "long middle short middle ends goes on ends ");
-  EXPECT_EQ(runtime.statistics().left, 2);
+  EXPECT_EQ(runtime.statistics().suspended, 2);
 }
 
 TEST(LiveSlices, WhatIsLeftCanBeCancelledAndHearsOfItWhenItGoesOn) {
@@ -282,7 +282,7 @@ pipelines:
   LiveOptions live;
   live.time_limit = 100s;  // However busy the machine is.
   const auto record = run_live(platform, nullptr, mix, options, live);
-  EXPECT_GT(record.slices_left.value_or(0), 0);
+  EXPECT_GT(record.suspensions.value_or(0), 0);
   EXPECT_EQ(record.submitted,
             record.completed + record.dropped + record.expired + record.failed + record.queued);
   EXPECT_EQ(record.failed, 0) << testing::PrintToString(record.warnings);

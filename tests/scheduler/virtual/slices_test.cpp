@@ -31,7 +31,7 @@ TEST(SlicedDispatcher, LetsInWhatHasANearerDeadlineTheNearestFirst) {
   EXPECT_EQ(script.submit_all(4, {task(4, 1, {})}), "");
   EXPECT_EQ(script.slice(kGpu, 1), "~1 G3");
   EXPECT_EQ(script.dispatcher().running(kGpu), 1);
-  EXPECT_EQ(script.dispatcher().left(kGpu), 1);
+  EXPECT_EQ(script.dispatcher().suspended(kGpu), 1);
   EXPECT_EQ(script.dispatcher().load(kGpu), 4) << "it keeps its unit and counts as one";
   EXPECT_EQ(script.slice(kGpu, 1), "refused") << "it is left already";
   EXPECT_EQ(script.complete(kGpu, 3), "G2") << "before what was left goes on";
@@ -95,7 +95,7 @@ TEST(SlicedDispatcher, WhatIsLeftMayBeCancelledFailAndLoseItsUnit) {
   EXPECT_EQ(script.set(kGpu, UnitState::kGone), "");
   EXPECT_EQ(script.complete(kGpu, 3, Outcome::kFailed), "");
   EXPECT_EQ(script.complete(kGpu, 5, Outcome::kFailed), "");
-  EXPECT_EQ(script.dispatcher().left(kGpu), 0);
+  EXPECT_EQ(script.dispatcher().suspended(kGpu), 0);
   EXPECT_EQ(script.dispatcher().counts().queued(), 0);
 }
 
@@ -141,13 +141,13 @@ pipelines:
 )");
   const auto whole = run_virtual(platform, nullptr, mix, options_of("edf"));
   EXPECT_EQ(whole.pipelines[1].deadline_misses, 20);
-  EXPECT_FALSE(whole.slices_left);
+  EXPECT_FALSE(whole.suspensions);
   EXPECT_EQ(whole, run_virtual(platform, nullptr, mix, options_of("edf", false)));
   auto options = options_of("edf", true);
   options.trace = trace_path();
   const auto sliced = run_virtual(platform, nullptr, mix, options);
   EXPECT_EQ(sliced.pipelines[1].deadline_misses, 0);
-  EXPECT_EQ(sliced.slices_left, 20);
+  EXPECT_EQ(sliced.suspensions, 20);
   EXPECT_NEAR(*sliced.pipelines[1].p99_ms, 4, 0.01);
   EXPECT_NEAR(*sliced.pipelines[0].p99_ms, 11, 0.02);
   // What is left is neither busy nor part of what a call takes.
@@ -173,7 +173,7 @@ pipelines:
   const auto sliced = run_virtual(platform, nullptr, mix, options_of("budget"));
   EXPECT_EQ(misses(sliced), 0);
   EXPECT_EQ(sliced.pipelines[1].completed, 8);
-  EXPECT_GT(*sliced.slices_left, 7);
+  EXPECT_GT(*sliced.suspensions, 7);
   EXPECT_EQ(sliced, run_virtual(platform, nullptr, mix, options_of("budget", true)));
 }
 
@@ -224,7 +224,7 @@ pipelines:
       options.faults = Faults{.seed = seed, .failing = 0.1, .returning = 0.2};
       options.trace = trace_path();
       const auto record = run_virtual(platform, nullptr, mix, options);
-      EXPECT_GT(record.slices_left.value_or(0), 0);
+      EXPECT_GT(record.suspensions.value_or(0), 0);
       EXPECT_EQ(record.submitted,
                 record.completed + record.dropped + record.expired + record.failed + record.queued);
       EXPECT_EQ(record.stalled, 0);

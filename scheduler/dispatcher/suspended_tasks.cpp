@@ -1,4 +1,4 @@
-// What becomes of units whose tasks are left between two slices.
+// Tasks that are suspended between two slices, and what is let in there.
 #include <algorithm>
 #include <bit>
 
@@ -8,7 +8,7 @@ namespace pirt {
 
 /// From now on what waits in queues is looked at by deadline.
 void Dispatcher::note_urgent() {
-  if (std::exchange(leaves_calls_, true)) return;
+  if (std::exchange(slices_end_, true)) return;
   for (Unit& unit : units_) {
     for (TaskSlot slot = unit.queue.front(); slot != kNoSlot; slot = tasks_[slot].next) {
       if (is_urgent(slot)) unit.urgent.insert(by_deadline(slot));
@@ -17,20 +17,20 @@ void Dispatcher::note_urgent() {
 }
 
 /// The task does not run for now.
-void Dispatcher::leave(TaskSlot slot, UnitId unit) {
-  tasks_[slot].left = true;
-  units_[unit].left.push_back(slot);
-  left_ |= unit_bit(unit);
+void Dispatcher::suspend(TaskSlot slot, UnitId unit) {
+  tasks_[slot].suspended = true;
+  units_[unit].suspended.push_back(slot);
+  suspending_ |= unit_bit(unit);
   --units_[unit].running;
   note_running(unit);
 }
 
-/// The last task that was left there runs again.
+/// The last task that was suspended there runs again.
 void Dispatcher::resume(UnitId unit) {
   Unit& its = units_[unit];
-  tasks_[its.left.back()].left = false;
-  its.left.pop_back();
-  if (its.left.empty()) left_ &= ~unit_bit(unit);
+  tasks_[its.suspended.back()].suspended = false;
+  its.suspended.pop_back();
+  if (its.suspended.empty()) suspending_ &= ~unit_bit(unit);
   ++its.running;
   note_running(unit);
 }
@@ -40,12 +40,13 @@ void Dispatcher::resume(UnitId unit) {
 bool Dispatcher::may_let_in(TaskSlot slot, UnitId unit, Nanos before) {
   const WorkloadId workload = waiting_.class_at(slot).kind.workload;
   return tasks_[slot].deadline < before &&
-         std::ranges::none_of(units_[unit].left, [&](TaskSlot each) {
+         std::ranges::none_of(units_[unit].suspended, [&](TaskSlot each) {
            return waiting_.class_at(each).kind.workload == workload;
          });
 }
 
-/// Starts what waits for the unit, all of whose tasks are left, with the nearest deadline before
+/// Starts what waits for the unit, all of whose tasks are suspended, with the nearest deadline
+/// before
 /// @p before; false if nothing does, or the policy refuses it.
 bool Dispatcher::let_in(UnitId unit, Nanos before, Effects& out) {
   if (units_[unit].state != UnitState::kUp) return false;
@@ -75,7 +76,7 @@ bool Dispatcher::let_in(UnitId unit, Nanos before, Effects& out) {
 }
 
 /// Takes the task out of the queue that it is in, so that it may start on the unit. One that is
-/// held only if the policy gives it to that now, which sees no load of what is left there.
+/// held only if the policy gives it to that now, which sees no load of what is suspended there.
 bool Dispatcher::take_in(TaskSlot slot, UnitId unit) {
   const TaskClass& kind = waiting_.class_at(slot).kind;
   switch (tasks_[slot].state) {
@@ -92,7 +93,7 @@ bool Dispatcher::take_in(TaskSlot slot, UnitId unit) {
       return false;
   }
   shown_ = load_;
-  shown_[unit] -= left(unit);
+  shown_[unit] -= suspended(unit);
   const UnitsView units = {.load = shown_, .up = up_, .now = now_};
   const Placement placement = policy_->place(kind, units);
   if (placement.holds()) return false;
@@ -108,13 +109,13 @@ bool Dispatcher::take_in(TaskSlot slot, UnitId unit) {
   return true;
 }
 
-/// Where what was let in between two slices has ended: something else is, or what was left goes on.
-void Dispatcher::resume_left(Effects& out) {
-  for (UnitMask units = left_; units != 0; units &= units - 1) {
+/// Where what was let in has ended: something else is, or what was suspended is resumed.
+void Dispatcher::resume_suspended(Effects& out) {
+  for (UnitMask units = suspending_; units != 0; units &= units - 1) {
     const auto unit = static_cast<UnitId>(std::countr_zero(units));
     Unit& its = units_[unit];
-    while (!its.left.empty() && its.running < its.slots) {
-      const TaskSlot innermost = its.left.back();
+    while (!its.suspended.empty() && its.running < its.slots) {
+      const TaskSlot innermost = its.suspended.back();
       if (let_in(unit, tasks_[innermost].deadline, out)) continue;
       out.resumed.push_back({tasks_[innermost].id, unit});
       resume(unit);
