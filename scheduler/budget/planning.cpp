@@ -416,7 +416,7 @@ void follow(const PlannedBudget& planned, ModeSetup& setup) {
   if (planned.follows != nullptr) {
     setup.policy_setup.follows = planned.follows;
     setup.scenario.slices = false;
-    setup.scenario.services.leave_no_call();
+    setup.scenario.services.keep_calls_whole();
   }
   setup.policy = setup.mode.policy.make(setup.policy_setup);
 }

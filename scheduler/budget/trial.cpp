@@ -42,7 +42,7 @@ Trial::Trial(const ModeSetup& setup, double tasks, bool slices)
                              .duration = run.duration,
                              .seed = derive_seed(run.seed, "trial"),
                              .slices = run.slices && slices});
-  if (!slices) scenario_->services.leave_no_call();
+  if (!slices) scenario_->services.keep_calls_whole();
   if (mix_.open_loop()) {
     scenario_->duration = std::min(run.duration, from_s(std::min(tasks / task_rate(mix_), 60.0)));
   }

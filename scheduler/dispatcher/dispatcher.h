@@ -235,7 +235,7 @@ class Dispatcher {
   UnitMask idle_ = 0;                ///< Those that are up and have a free slot.
   UnitMask queued_ = 0;              ///< Those with something in their queue.
   UnitMask suspending_ = 0;          ///< Those with tasks that are suspended.
-  bool slices_end_ = false;        ///< Some call has ended a slice.
+  bool slices_end_ = false;          ///< Some call has ended a slice.
   std::vector<UnitId> start_order_;  ///< The policy's order, then the units that it does not name.
   TaskStore tasks_;
   Ties ties_{tasks_};

@@ -39,7 +39,7 @@ struct BudgetPlan {
     [[nodiscard]] Nanos slice_on(UnitId unit) const {
       return slice.empty() ? worst[unit] : slice[unit];
     }
-    [[nodiscard]] bool can_be_left(UnitId unit) const { return slice_on(unit) < worst[unit]; }
+    [[nodiscard]] bool can_be_suspended(UnitId unit) const { return slice_on(unit) < worst[unit]; }
     /// A call with a program that it has to load.
     [[nodiscard]] Nanos takes(UnitId unit) const { return worst[unit] + prepare[unit]; }
     friend bool operator==(const Task&, const Task&) = default;

@@ -68,7 +68,7 @@ class BudgetPolicy final : public Policy {
   void moved(const MovedTask& task, Whereabouts from, Whereabouts to,
              const UnitsView& units) override {
     const std::uint32_t entry = task.kind.entry;
-    if (from.waits()) foresight_.left(entry, task.deadline);
+    if (from.waits()) foresight_.departed(entry, task.deadline);
     if (to.waits()) foresight_.came_back(entry, task.deadline);
     if (to.is_placed()) note_placed(entry, to.unit, units.now);
     if (from.is_placed() && window_) {

@@ -61,7 +61,7 @@ void Foresight::came_back(std::uint32_t entry, Nanos deadline) {
   waiting.insert(std::ranges::upper_bound(waiting, deadline), deadline);
 }
 
-void Foresight::left(std::uint32_t entry, Nanos deadline) {
+void Foresight::departed(std::uint32_t entry, Nanos deadline) {
   auto& waiting = waiting_[entry];
   if (!waiting.empty() && waiting.front() == deadline) return waiting.pop_front();
   const auto found = std::ranges::lower_bound(waiting, deadline);
@@ -144,7 +144,7 @@ std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, Unit
   }
   std::ranges::make_heap(demands_, later);
   // What can be left goes on while nothing more urgent is there, and holds the unit for a slice.
-  const bool sliced = asking.can_be_left(unit);
+  const bool sliced = asking.can_be_suspended(unit);
   const Nanos slice = asking.slice_on(unit);
   Nanos free = now;  // Without the task, and behind it, or what it holds the unit for.
   Nanos free_behind = now + (sliced ? slice + asking.prepare[unit] : takes);
@@ -225,7 +225,7 @@ std::optional<Nanos> Foresight::breaks_guarantee(const BudgetPlan::Task& asking,
   Nanos again = Nanos::max();
   for (const std::uint32_t each : on_[unit]) {
     const BudgetPlan::Task& task = plan_.tasks[each];
-    if (!task.tolerates || (asking.can_be_left(unit) && holds <= *task.tolerates)) continue;
+    if (!task.tolerates || (asking.can_be_suspended(unit) && holds <= *task.tolerates)) continue;
     const Nanos firing = next_firing(each, now);
     if (firing == Nanos::max()) continue;
     need = std::min(need, firing + task.ready + *task.tolerates);
@@ -233,7 +233,7 @@ std::optional<Nanos> Foresight::breaks_guarantee(const BudgetPlan::Task& asking,
   }
   if (need == Nanos::max()) return std::nullopt;
   Nanos ends = now + takes;
-  for (int i = 0; asking.can_be_left(unit) && ends <= need && i < kMostRounds; ++i) {
+  for (int i = 0; asking.can_be_suspended(unit) && ends <= need && i < kMostRounds; ++i) {
     const Nanos with_others = now + takes + needed_until(unit, now, ends);
     if (with_others == ends) break;
     ends = with_others;

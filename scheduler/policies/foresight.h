@@ -29,7 +29,7 @@ class Foresight {
   /// A task of the entry waits again. @param deadline  Of its firing; Nanos::max() = none.
   void came_back(std::uint32_t entry, Nanos deadline);
   /// One that waited waits no more.
-  void left(std::uint32_t entry, Nanos deadline);
+  void departed(std::uint32_t entry, Nanos deadline);
   /// By when the most urgent waiting task of the entry has to end; Nanos::max() = nobody says.
   [[nodiscard]] Nanos latest_end(std::uint32_t entry) const;
 

@@ -332,7 +332,7 @@ bool can_suspend_calls(const UnitModel& unit) {
          (!unit.measured() || leaves_calls_of(unit.backend));
 }
 
-void ServiceTable::leave_no_call() {
+void ServiceTable::keep_calls_whole() {
   for (auto& row : entries) {
     for (ServiceEntry& entry : row) {
       if (entry.service) entry.service->slices.clear();

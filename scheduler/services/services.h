@@ -95,7 +95,7 @@ struct ServiceTable {
   }
   [[nodiscard]] UnitMask units_of(WorkloadId workload) const;
   /// From now on no call is left between two slices.
-  void leave_no_call();
+  void keep_calls_whole();
 };
 
 /// Whether calls there may be suspended between two slices: what runs on the unit has one thing

@@ -129,7 +129,7 @@ void CallEffects::run(const Execution& execution, const CallConditions* conditio
   unit.conditions = conditions;
 }
 
-CallEffects::Rest CallEffects::leave(UnitId id, Nanos now) {
+CallEffects::Rest CallEffects::suspend(UnitId id, Nanos now) {
   Unit& unit = units_[id];
   const Nanos takes = unit.ends - now;
   const Rest rest{unit.executing, takes, scaled(takes, 1 / unit.stretch), unit.conditions};

@@ -41,15 +41,15 @@ class CallEffects {
   [[nodiscard]] Nanos executes(const Execution& execution, const CallConditions& conditions,
                                Nanos now, std::uint64_t random, std::vector<Slowed>& slowed);
 
-  /// The rest of a call that is left between two slices, while it is.
+  /// The rest of a call that is suspended between two slices, while it is.
   struct Rest {
     Execution executing;
     Nanos takes{0};  ///< Beside what ran when it began,
     Nanos alone{0};  ///< and beside nothing.
     const CallConditions* conditions = nullptr;
   };
-  /// The call on the unit is left.
-  [[nodiscard]] Rest leave(UnitId unit, Nanos now);
+  /// The call on the unit is suspended.
+  [[nodiscard]] Rest suspend(UnitId unit, Nanos now);
   struct Resumed {
     Nanos passes{0};  ///< Until it goes on.
     double part = 1;  ///< What the rest takes beside what runs now, of Rest::takes.

@@ -29,10 +29,10 @@ struct VirtualTime::Job {
   // Of a step with slices: all of it, and what follows the slice that is served.
   Nanos whole{0}, whole_powered{0}, rest{0};
   std::uint32_t slice = 0;
-  // Of a task that was left between two slices.
-  bool left = false;  ///< It is,
-  Nanos left_at{0};   ///< since then,
-  Nanos paused{0};    ///< and was before for so long.
+  // Of a task that was suspended between two slices.
+  bool suspended = false;  ///< It is,
+  Nanos suspended_at{0};   ///< since then,
+  Nanos paused{0};         ///< and was before for so long.
   CallEffects::Rest effects = {};
 
   /// The task is submitted. What else is here is set where it comes to that.
@@ -40,7 +40,7 @@ struct VirtualTime::Job {
     id = task;
     plan = its_plan;
     tries = 0;
-    computing = left = false;
+    computing = suspended = false;
   }
 };
 

@@ -81,7 +81,7 @@ class FifoServers final : public Servers {
     return left;
   }
 
-  std::vector<std::pair<JobId, Nanos>> left(Nanos now) const override {
+  std::vector<std::pair<JobId, Nanos>> remaining(Nanos now) const override {
     std::vector<std::pair<JobId, Nanos>> jobs;
     for (const Busy& each : busy_) jobs.emplace_back(each.job, each.end.time - now);
     for (const Waiting& each : waiting_) jobs.emplace_back(each.job, each.work);
@@ -146,9 +146,9 @@ class SharedServers final : public Servers {
 
   JobId complete_next() override {
     progress(fixed(next_.time));
-    assert(!left_.empty());
-    const JobId job = left_.front().job;
-    left_.pop_front();
+    assert(!departed_.empty());
+    const JobId job = departed_.front().job;
+    departed_.pop_front();
     find_next();
     return job;
   }
@@ -156,8 +156,8 @@ class SharedServers final : public Servers {
   std::optional<Nanos> remove(JobId job, Nanos now) override {
     progress(fixed(now));
     std::optional<Nanos> left;
-    if (const auto at = std::ranges::find(left_, job, &Left::job); at != left_.end()) {
-      left_.erase(at);
+    if (const auto at = std::ranges::find(departed_, job, &Departed::job); at != departed_.end()) {
+      departed_.erase(at);
       left = Nanos::zero();
     } else if (const auto in = std::ranges::find(jobs_, job, &Job::job); in != jobs_.end()) {
       left = round_up(in->end - done_);
@@ -168,12 +168,12 @@ class SharedServers final : public Servers {
     return left;
   }
 
-  std::vector<std::pair<JobId, Nanos>> left(Nanos now) const override {
+  std::vector<std::pair<JobId, Nanos>> remaining(Nanos now) const override {
     SharedServers then = *this;
     then.progress(fixed(now));
     std::vector<std::pair<JobId, Nanos>> jobs;
     for (const Job& each : then.jobs_) jobs.emplace_back(each.job, round_up(each.end - then.done_));
-    for (const Left& each : then.left_) jobs.emplace_back(each.job, Nanos::zero());
+    for (const Departed& each : then.departed_) jobs.emplace_back(each.job, Nanos::zero());
     return jobs;
   }
 
@@ -185,7 +185,7 @@ class SharedServers final : public Servers {
     std::uint64_t sequence = 0;
     JobId job = 0;
   };
-  struct Left {
+  struct Departed {
     Moment moment;
     JobId job = 0;
   };
@@ -213,7 +213,7 @@ class SharedServers final : public Servers {
       std::ranges::pop_heap(jobs_, later);
       const Job& first = jobs_.back();
       done_ = first.end;
-      left_.push_back({{round_up(last_), first.sequence}, first.job});
+      departed_.push_back({{round_up(last_), first.sequence}, first.job});
       jobs_.pop_back();
     }
     const auto jobs = static_cast<Fixed>(jobs_.size());
@@ -222,8 +222,8 @@ class SharedServers final : public Servers {
   }
 
   void find_next() {
-    if (!left_.empty()) {
-      next_ = left_.front().moment;
+    if (!departed_.empty()) {
+      next_ = departed_.front().moment;
     } else {
       next_ = jobs_.empty() ? Moment{} : Moment{round_up(first_end()), jobs_.front().sequence};
     }
@@ -231,8 +231,8 @@ class SharedServers final : public Servers {
 
   Owner* owner_;
   int servers_;
-  std::vector<Job> jobs_;  ///< A heap, earliest end first.
-  std::deque<Left> left_;  ///< Ended, and not yet taken.
+  std::vector<Job> jobs_;          ///< A heap, earliest end first.
+  std::deque<Departed> departed_;  ///< Ended, and not yet taken.
   Fixed done_ = 0;
   Fixed last_ = 0;
 };

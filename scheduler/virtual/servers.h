@@ -49,7 +49,7 @@ class Servers {
   [[nodiscard]] const Moment& next() const { return next_; }
   /// The jobs that have arrived and are not complete, with the server time that each still needs.
   /// @param now  Not after next().
-  [[nodiscard]] virtual std::vector<std::pair<JobId, Nanos>> left(Nanos now) const = 0;
+  [[nodiscard]] virtual std::vector<std::pair<JobId, Nanos>> remaining(Nanos now) const = 0;
 
  protected:
   Moment next_;

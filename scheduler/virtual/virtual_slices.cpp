@@ -1,4 +1,5 @@
-// What becomes of calls that are left between two slices, or wanted back before they have ended.
+// What becomes of calls that are suspended between two slices, or wanted back before they have
+// ended.
 #include <algorithm>
 #include <functional>
 #include <utility>
@@ -16,7 +17,7 @@ bool VirtualTime::slice_ended(JobIndex index, Nanos now) {
   Job& job = jobs_[index];
   must(dispatcher_.slice_ended(job.unit, job.id, now_, effects_));
   const bool leaves = !effects_.suspended.empty();
-  if (leaves) leave(index);
+  if (leaves) suspend(index);
   settle();
   return !leaves;
 }
@@ -26,32 +27,32 @@ void VirtualTime::end_slice(JobIndex index) {
   const Job& job = jobs_[index];
   must(dispatcher_.slice_ended(job.unit, job.id, now_, effects_));
   if (effects_.suspended.empty()) return go_on(index);
-  leave(index);
+  suspend(index);
 }
 
-void VirtualTime::leave(JobIndex index) {
+void VirtualTime::suspend(JobIndex index) {
   Job& job = jobs_[index];
-  job.left = true;
-  job.left_at = now_;
+  job.suspended = true;
+  job.suspended_at = now_;
   if (job.computing) {
     if (observer_ != nullptr) observer_->departed(job.unit, index);
   } else if (call_effects_.any()) {
-    job.effects = call_effects_.leave(job.unit, now_);
+    job.effects = call_effects_.suspend(job.unit, now_);
   }
 }
 
-/// Between two slices, whether it was left there or not.
+/// Between two slices, whether it was suspended there or not.
 void VirtualTime::go_on(JobIndex index) {
   Job& job = jobs_[index];
-  const bool was_left = std::exchange(job.left, false);
-  if (was_left) job.paused += now_ - job.left_at;
+  const bool was_suspended = std::exchange(job.suspended, false);
+  if (was_suspended) job.paused += now_ - job.suspended_at;
   if (job.computing) {
     note_arrival(index);
     return executor_->resume(index, job.unit);
   }
   const CallStep& step = step_of(job);
   Nanos passes{0};
-  if (was_left && call_effects_.any()) {
+  if (was_suspended && call_effects_.any()) {
     slowed_.clear();
     const auto resumed =
         call_effects_.resume(job.unit, job.effects, now_,
@@ -83,12 +84,12 @@ void VirtualTime::take_back(const Recalled& recalled) {
   Job& job = jobs_[index];
   if (job.computing) return executor_->recall(index, recalled.unit);
   const CallStep& step = step_of(job);
-  if (job.left) {
-    job.paused += now_ - job.left_at;
+  if (job.suspended) {
+    job.paused += now_ - job.suspended_at;
   } else if (!step.for_data && step.servers != CallStep::kDelay) {
-    const Nanos left = servers_[step.servers]->remove(index, now_).value();
+    const Nanos remaining = servers_[step.servers]->remove(index, now_).value();
     note_next(step.servers);
-    const Nanos served = job.takes - left;
+    const Nanos served = job.takes - remaining;
     if (served > Nanos::zero()) {
       charge(books_, job, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
     }

@@ -97,9 +97,9 @@ Tally VirtualTime::finish() {
 void VirtualTime::close_books(Nanos end) {
   Books books = books_;
   for (const auto& servers : servers_) {
-    for (const auto& [index, left] : servers->left(end)) {
+    for (const auto& [index, remaining] : servers->remaining(end)) {
       const Job& job = jobs_[index];
-      const Nanos served = job.takes - left;
+      const Nanos served = job.takes - remaining;
       if (served <= Nanos::zero()) continue;
       const double part = to_s(served) / to_s(job.takes);
       charge(books, job, served, scaled(job.powered, part));
@@ -113,7 +113,8 @@ void VirtualTime::close_books(Nanos end) {
   }
   for (const Job& job : jobs_) {
     if (!job.computing || job.started_at >= end) continue;
-    const Nanos busy = (job.left ? std::min(job.left_at, end) : end) - job.started_at - job.paused;
+    const Nanos busy =
+        (job.suspended ? std::min(job.suspended_at, end) : end) - job.started_at - job.paused;
     const bool draws = draws_in(scenario_.platform.units[job.unit], Phase::kExecute);
     books.charge_computed(workload_of(job), job.unit, busy, draws ? busy : Nanos::zero(),
                           part_served(job, busy));
@@ -225,7 +226,8 @@ void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
     books_.count_preparing(job.unit, *end.preparing);
     prepared(job, job.started_at, *end.preparing);
   }
-  if (observer_ != nullptr && !std::exchange(job.left, false)) observer_->departed(job.unit, index);
+  if (observer_ != nullptr && !std::exchange(job.suspended, false))
+    observer_->departed(job.unit, index);
   complete(index, end.outcome, end.busy, std::move(end.data));
   settle();
 }
@@ -300,7 +302,7 @@ void VirtualTime::apply_starts() {
     job.dispatched_at = start.dispatched_at;
     job.started_at = now_;
     job.preparing = Nanos::zero();
-    job.left = false;
+    job.suspended = false;
     job.paused = job.rest = Nanos::zero();
     if (!contains(computed_, start.unit)) {
       job.handover = call_effects_.any()

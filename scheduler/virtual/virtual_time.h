@@ -41,7 +41,7 @@ class Executor {
   /// The task may start; VirtualTime::finished hears of its end, and not from here.
   /// @param let_in  As Start.
   virtual void start(JobIndex job, UnitId unit, bool let_in) = 0;
-  /// The task was left between two slices and goes on.
+  /// The task was suspended between two slices and goes on.
   virtual void resume(JobIndex job, UnitId unit) = 0;
   /// It is wanted back from there, if it has not ended.
   virtual void recall(JobIndex job, UnitId unit) = 0;
@@ -120,7 +120,7 @@ class VirtualTime final : private Servers::Owner {
   void work_on(JobIndex job, const CallStep& step);
   void cut(Job& job, const CallStep& step) const;
   void end_slice(JobIndex job);
-  void leave(JobIndex job);
+  void suspend(JobIndex job);
   void go_on(JobIndex job);
   void note_arrival(JobIndex job);
   bool go_on_serving(std::size_t servers);

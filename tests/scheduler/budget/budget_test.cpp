@@ -164,7 +164,7 @@ TEST(Foresight, KnowsWhatIsToComeAndWhatWaits) {
   // It waits now.
   EXPECT_TRUE(ask_again(2));
   EXPECT_EQ(foresight.latest_end(0), milliseconds(12));
-  foresight.left(0, milliseconds(12));
+  foresight.departed(0, milliseconds(12));
   // Free until firing 1: from 100 on, to end by 110, so to be begun by 108.
   EXPECT_FALSE(ask_again(4));
   EXPECT_FALSE(ask_again(58));
@@ -175,7 +175,7 @@ TEST(Foresight, KnowsWhatIsToComeAndWhatWaits) {
   // Nor does that: the pipeline has ended.
   EXPECT_FALSE(ask_again(260));
   foresight.submitted(firing(milliseconds(400)));
-  foresight.left(0, milliseconds(410));
+  foresight.departed(0, milliseconds(410));
   EXPECT_NEAR(*ask_again(470), 506, 0.001);
 }
 
@@ -197,11 +197,11 @@ TEST(Foresight, WhatComesBackWaitsAgainInItsPlace) {
   Foresight foresight(plan);
   foresight.submitted(firing(Nanos(0)));
   foresight.submitted(firing(milliseconds(5)));
-  foresight.left(0, milliseconds(10));
+  foresight.departed(0, milliseconds(10));
   EXPECT_EQ(foresight.latest_end(0), milliseconds(15));
   foresight.came_back(0, milliseconds(10));
   EXPECT_EQ(foresight.latest_end(0), milliseconds(10));
-  foresight.left(0, milliseconds(10));
+  foresight.departed(0, milliseconds(10));
   EXPECT_EQ(foresight.latest_end(0), milliseconds(15));
 }
 
@@ -210,11 +210,11 @@ TEST(Foresight, WhatWaitsNoMoreIsTheTaskThatIsNamed) {
   Foresight foresight(plan);
   for (const int at : {30, 0, 990}) foresight.submitted(firing(milliseconds(at)));
   EXPECT_EQ(foresight.latest_end(0), milliseconds(10));
-  foresight.left(0, milliseconds(40));  // In the middle.
+  foresight.departed(0, milliseconds(40));  // In the middle.
   EXPECT_EQ(foresight.latest_end(0), milliseconds(10));
-  foresight.left(0, milliseconds(10));
+  foresight.departed(0, milliseconds(10));
   EXPECT_EQ(foresight.latest_end(0), milliseconds(1000));
-  foresight.left(0, Nanos::max());  // One without a deadline, of which nothing is known.
+  foresight.departed(0, Nanos::max());  // One without a deadline, of which nothing is known.
   EXPECT_EQ(foresight.latest_end(0), milliseconds(1000));
 }
 

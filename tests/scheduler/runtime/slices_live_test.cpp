@@ -315,7 +315,7 @@ pipelines:
   LiveOptions live;
   live.time_limit = 100s;
   const auto record = run_live(platform, nullptr, mix, options, live);
-  EXPECT_FALSE(record.slices_left);
+  EXPECT_FALSE(record.suspensions);
   EXPECT_EQ(record.submitted, record.completed + record.dropped + record.queued);
   EXPECT_EQ(record.failed, 0) << testing::PrintToString(record.warnings);
   EXPECT_FALSE(replay_file(trace_path()).result.difference);
