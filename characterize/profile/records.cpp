@@ -16,9 +16,12 @@ std::vector<std::int32_t> processes_of(const PhaseRecord& record) {
 
 Statistics statistics_of(const PhaseRecord& record) {
   Statistics found = summarize(record.samples, processes_of(record));
-  if (record.deterministic) found.interval = {found.median, found.median};
-  // Each is a mean of somebody else's: nobody measured how far they may be off.
-  if (record.provenance == Provenance::kPublished) found.interval.reset();
+  if (record.deterministic) {
+    found.interval = {found.median, found.median};
+  } else if (record.provenance.provenance == Provenance::kPublished) {
+    // Each is a mean of somebody else's: nobody measured how far they may be off.
+    found.interval.reset();
+  }
   if (!record.taken) return found;
   // Of fewer than 3 processes, what they span.
   if (!found.interval) {

@@ -16,12 +16,19 @@ using test::small_profile;
 using testing::HasSubstr;
 
 TEST(ProfileCharts, ShowFamiliesApart) {
-  const auto charts = time_charts(small_profile(2));
+  Profile profile = small_profile(2);
+  profile.path = "My profiles/p.db";
+  profile.runs.front().environment["command"] = "pirt characterize --quick --platform 'my board'";
+  const auto charts = time_charts(profile);
   ASSERT_EQ(charts.size(), 2U);
   EXPECT_THAT(charts[0].table.title, HasSubstr("Fig. 3"));  // sobel
   EXPECT_THAT(charts[1].table.title, HasSubstr("Fig. 5"));  // fc8
   EXPECT_DOUBLE_EQ(*charts[0].marks[0].x, 2);
-  EXPECT_THAT(charts[0].table.origin, HasSubstr("pirt characterize --platform board"));
+  EXPECT_THAT(
+      charts[0].table.origin,
+      HasSubstr("again: pirt characterize --quick --platform 'my board' --db 'My profiles/p.db'"));
+  profile.runs.front().environment = {{"source", "their.json"}};
+  EXPECT_THAT(time_charts(profile)[0].table.origin, HasSubstr("published: their.json"));
   const auto energy = energy_charts(small_profile(2));
   ASSERT_EQ(energy.size(), 1U);
   EXPECT_DOUBLE_EQ(*energy[0].marks[0].x, 2);  // mJ
