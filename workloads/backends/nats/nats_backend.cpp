@@ -13,8 +13,8 @@
 #include "workloads/backends/nats/link/blobs.h"
 #include "workloads/backends/nats/nats_settings.h"
 #include "workloads/backends/nats/robot/robot_link.h"
-#include "workloads/backends/nats/wire/tensors.h"
 #include "workloads/backends/nats/wire/subjects.h"
+#include "workloads/backends/nats/wire/tensors.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/yaml.h"
 #include "workloads/model/remote.h"
@@ -49,36 +49,15 @@ struct Flight {
   }
 };
 
-/// Parameters that kernels have, once each: those of the same content share their bytes.
-class SharedParameters {
- public:
-  struct Shared {
-    std::shared_ptr<const cloud::Bytes> bytes;
-    cloud::Digest digest;
-  };
-  Shared of(std::span<const Tensor> tensors) {
-    if (tensors.empty()) return {};
-    auto bytes = std::make_shared<const cloud::Bytes>(cloud::encode_tensors(tensors));
-    const cloud::Digest digest = cloud::digest_of(*bytes);
-    const std::lock_guard lock(mutex_);
-    std::erase_if(known_, [](const auto& entry) { return entry.second.expired(); });
-    auto& known = known_[digest];
-    if (auto there = known.lock()) {
-      bytes = std::move(there);
-    } else {
-      known = bytes;
-    }
-    return {std::move(bytes), digest};
-  }
-
- private:
-  std::mutex mutex_;
-  std::map<cloud::Digest, std::weak_ptr<const cloud::Bytes>> known_;
+/// As they travel. Kernels with the same content share the bytes.
+struct Parameters {
+  std::shared_ptr<const cloud::Bytes> bytes = {};
+  cloud::Digest digest = {};
 };
 
 class CloudKernel : public Kernel {
  public:
-  CloudKernel(cloud::RobotLink& link, const Workload& workload, SharedParameters::Shared parameters,
+  CloudKernel(cloud::RobotLink& link, const Workload& workload, Parameters parameters,
               Nanos patience)
       : link_(link),
         workload_(workload),
@@ -175,6 +154,7 @@ class CloudKernel : public Kernel {
   /// What is larger than a message first: who finds the task finds all of it.
   void submit() {
     task_ = link_.next_task();
+    missed_ = 0;
     const auto chunk = link_.connection().chunk_bytes();
     const std::uint64_t weights = parameters_.bytes == nullptr ? 0 : parameters_.bytes->size();
     is_large_ = sent_.size() > chunk;
@@ -213,10 +193,12 @@ class CloudKernel : public Kernel {
     link_.measure(clock_.now() - begin, bytes.size());
   }
 
-  /// A worker did not find them: it is the first, or they were there too long ago.
+  /// A worker did not find something: parameters, if it is the first or they were there too long
+  /// ago; else what was sent.
   void put_what_is_missing() {
-    if (parameters_.bytes != nullptr) put("par", parameters_.digest.hex(), *parameters_.bytes);
-    if (is_large_) put("in", task_.hex(), sent_);
+    const bool weighs = parameters_.bytes != nullptr && missed_++ % 2 == 0;
+    if (weighs) put("par", parameters_.digest.hex(), *parameters_.bytes);
+    if (!weighs && is_large_) put("in", task_.hex(), sent_);
     link_.ready(task_);
   }
 
@@ -282,7 +264,7 @@ class CloudKernel : public Kernel {
   const Workload& workload_;
   Nanos patience_;
   MachineClock clock_;
-  SharedParameters::Shared parameters_;
+  Parameters parameters_;
   std::uint64_t most_bytes_;  ///< Of outputs.
   cloud::TaskMessage message_;
   std::span<const Tensor> inputs_;
@@ -290,6 +272,7 @@ class CloudKernel : public Kernel {
   std::optional<Nanos> expires_at_;
   cloud::Bytes sent_;
   bool is_large_ = false;  ///< What was sent lies on the stream.
+  int missed_ = 0;
   cloud::TaskId task_;
   cloud::TaskEnd last_;
   std::mutex mutex_;                ///< Of what other threads look at: they read flight_ alone.
@@ -302,11 +285,6 @@ DeviceInfo device_info(const std::string& server) {
           .platform = "NATS",
           .version = "protocol " + std::to_string(cloud::kProtocol)};
 }
-
-struct CloudUnit {
-  cloud::RobotOptions options;
-  Nanos patience{0};
-};
 
 /// "p95", or "20ms".
 void read_hedge(const YamlNode& node, cloud::CallerLimits& limits) {
@@ -324,34 +302,31 @@ void read_hedge(const YamlNode& node, cloud::CallerLimits& limits) {
   }
 }
 
-CloudUnit read_request(const UnitRequest& request) {
-  CloudUnit unit;
-  unit.patience = from_s(request.option(nats_options()[0]));
-  if (request.script.empty()) return unit;
+cloud::RobotOptions read_request(const UnitRequest& request) {
+  cloud::RobotOptions options;
+  if (request.script.empty()) return options;
   const YamlNode settings = parse_yaml("unit " + request.unit, request.script);
   settings.check_keys(nats_settings());
-  cloud::ConnectionOptions& connection = unit.options.connection;
+  cloud::ConnectionOptions& connection = options.connection;
   const auto text = [&](const char* key, std::string& to) {
     if (settings.has(key)) to = settings.at(key).text();
   };
   text("server", connection.server);
-  text("robot", unit.options.robot);
+  text("robot", options.robot);
   text("ca", connection.ca);
   text("certificate", connection.certificate);
   text("key", connection.key);
   text("nkey", connection.nkey);
   text("nkey_seed", connection.nkey_seed);
   if (settings.has("insecure")) connection.insecure = settings.at("insecure").boolean();
-  if (settings.has("hedge")) read_hedge(settings.at("hedge"), unit.options.limits);
-  return unit;
+  if (settings.has("hedge")) read_hedge(settings.at("hedge"), options.limits);
+  return options;
 }
 
 class CloudDevice : public Device, public Remote {
  public:
-  explicit CloudDevice(const CloudUnit& unit)
-      : server_(cloud::public_url(unit.options.connection.server)),
-        patience_(unit.patience),
-        link_(unit.options) {
+  CloudDevice(const cloud::RobotOptions& options, Nanos patience)
+      : server_(cloud::public_url(options.connection.server)), patience_(patience), link_(options) {
     // Who is not there yet may come.
     static_cast<void>(link_.wait_until_up(kOpening));
   }
@@ -380,12 +355,23 @@ class CloudDevice : public Device, public Remote {
   [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload& workload,
                                                     std::span<const Tensor> parameters) override {
     if (!link_.wait_until_up(std::min(kOpening, patience_))) throw_environment(link_.why_down());
-    return std::make_unique<CloudKernel>(link_, workload, parameters_.of(parameters), patience_);
+    return std::make_unique<CloudKernel>(link_, workload, shared(parameters), patience_);
+  }
+  Parameters shared(std::span<const Tensor> tensors) {
+    if (tensors.empty()) return {};
+    auto bytes = std::make_shared<const cloud::Bytes>(cloud::encode_tensors(tensors));
+    const cloud::Digest digest = cloud::digest_of(*bytes);
+    const std::lock_guard lock(mutex_);
+    std::erase_if(parameters_, [](const auto& each) { return each.second.expired(); });
+    auto& known = parameters_[digest];
+    if (known.expired()) known = bytes;
+    return {known.lock(), digest};
   }
 
   std::string server_;
   Nanos patience_;
-  SharedParameters parameters_;
+  std::mutex mutex_;
+  std::map<cloud::Digest, std::weak_ptr<const cloud::Bytes>> parameters_;  ///< That kernels have.
   cloud::RobotLink link_;
 };
 
@@ -405,8 +391,8 @@ class NatsBackend : public Backend {
     return support_of(workload);
   }
   [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest& request) const override {
-    const CloudUnit unit = read_request(request);
-    return std::make_unique<CloudDevice>(unit);
+    return std::make_unique<CloudDevice>(read_request(request),
+                                         from_s(request.option(nats_options()[0])));
   }
 };
 

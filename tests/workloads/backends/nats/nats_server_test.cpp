@@ -125,9 +125,7 @@ TEST_F(CloudServer, ComputesACall) {
   EXPECT_EQ(check_outputs(small_, task, end.outputs), "");
   EXPECT_EQ(end.worker, "w1");
   EXPECT_GE(end.execute, 20ms);
-  EXPECT_GE(end.held, end.execute);
-  EXPECT_GT(end.taken, 0ms);
-  EXPECT_GE(end.total, end.taken);
+  EXPECT_GT(end.total, end.execute);
   EXPECT_EQ(messages(), 0) << "small messages are stored nowhere";
 }
 
@@ -456,7 +454,6 @@ TEST_F(CloudServer, DropsAndCountsWhatIsNoMessage) {
   auto future = submit(robot, {.value = 1});
   EXPECT_EQ(end_of(future).how, CallEndKind::kDone);
   EXPECT_TRUE(eventually([&] { return worker->counts().malformed >= 200; }));
-  EXPECT_TRUE(eventually([&] { return robot.malformed() >= 300; }));
   EXPECT_EQ(worker->counts().ended(ReplyKind::kDone), 1);
 }
 

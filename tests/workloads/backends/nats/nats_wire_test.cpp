@@ -98,13 +98,12 @@ TEST(CloudWire, RepliesWithdrawalsAndAnnouncementsArriveAsTheyWereSent) {
                                                 .worker = "w1",
                                                 .problem = "boom",
                                                 .execute = Nanos(8),
-                                                .held = Nanos(9),
                                                 .outputs = outputs}));
   ASSERT_TRUE(reply.value) << reply.problem;
   const auto& read = std::get<ReplyMessage>(*reply.value);
   EXPECT_EQ(read.kind, ReplyKind::kFailedTry);
   EXPECT_EQ(read.worker + read.problem, "w1boom");
-  EXPECT_EQ(read.held, Nanos(9));
+  EXPECT_EQ(read.execute, Nanos(8));
   EXPECT_EQ(std::get<Bytes>(read.outputs), outputs);
   const Blob blob{digest_of(outputs), 500'000'000, 65'536};
   TaskMessage large = small_task(small_workload());

@@ -1,6 +1,6 @@
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
+#include <regex>
 
 #include "workloads/backends/nats/link/connection.h"
 #include "workloads/backends/nats/wire/subjects.h"
@@ -26,39 +26,16 @@ void check_file(const std::string& what, const std::string& file) {
 }  // namespace
 
 Url parse_url(const std::string& server) {
-  const auto refuse = [&](const std::string& why) {
-    throw_bad_input("server '" + public_url(server) + "' " + why +
-                    "; a server is nats://HOST:PORT, or tls://HOST:PORT");
-  };
-  Url url;
-  const auto colon = server.find("://");
-  if (colon == std::string::npos) refuse("has no scheme");
-  url.scheme = server.substr(0, colon);
-  if (url.scheme != "nats" && url.scheme != "tls") refuse("is of another scheme");
-  std::string rest = server.substr(colon + 3);
-  if (const auto at = rest.rfind('@'); at != std::string::npos) rest = rest.substr(at + 1);
-  if (rest.find_first_of("/, \t?#") != std::string::npos) refuse("is more than a host and a port");
-  std::string port;
-  if (rest.starts_with('[')) {
-    const auto close = rest.find(']');
-    if (close == std::string::npos) refuse("has no end of its address");
-    url.host = rest.substr(1, close - 1);
-    port = rest.substr(close + 1);
-  } else {
-    const auto end = rest.rfind(':');
-    url.host = rest.substr(0, end);
-    if (end != std::string::npos) port = rest.substr(end);
+  static const std::regex kUrl(
+      R"((nats|tls)://([^/?#\s]*@)?(\[([^\]/?#\s@]+)\]|[^\[\]:/?#\s@]+)(:([1-9][0-9]{0,4}))?)");
+  std::smatch parts;
+  const bool fits = server.size() <= 1024 && std::regex_match(server, parts, kUrl) &&
+                    (!parts[6].matched || std::stoi(parts[6]) <= 65535);
+  if (!fits) {
+    throw_bad_input("server '" + public_url(server) +
+                    "' is none; a server is nats://HOST:PORT, or tls://HOST:PORT");
   }
-  if (url.host.empty()) refuse("has no host");
-  if (!port.empty()) {
-    const bool digits =
-        port.size() > 1 && port.size() <= 6 && port[0] == ':' &&
-        std::all_of(port.begin() + 1, port.end(), [](char c) { return c >= '0' && c <= '9'; });
-    if (!digits || std::atoi(port.c_str() + 1) > 65535 || std::atoi(port.c_str() + 1) == 0) {
-      refuse("has no port that there is");
-    }
-  }
-  return url;
+  return {parts[1], parts[4].matched ? parts[4] : parts[3]};
 }
 
 bool is_robot_name(std::string_view name) {

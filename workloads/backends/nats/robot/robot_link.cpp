@@ -54,8 +54,7 @@ void RobotLink::subscribe(const std::string& subject, void (RobotLink::*handler)
   connection_->subscribe(subject, [this, handler](const Incoming& message) {
     const auto said = decode_as<Said>(message.data);
     if (said.value) return (this->*handler)(*said.value);
-    const std::lock_guard lock(mutex_);
-    ++malformed_;
+    note("a worker says what cannot be read: " + said.problem);
   });
 }
 
@@ -77,7 +76,7 @@ RobotLink::RobotLink(const RobotOptions& options)
   });
   subscribe(subject("claim", options_.robot), &RobotLink::claimed);
   subscribe(subject("answer", options_.robot), &RobotLink::replied);
-  connection_->subscribe(kHelloSubject, [this](const Incoming& message) { hello(message); });
+  subscribe(kHelloSubject, &RobotLink::heard_hello);
   server_ = start_thread([this](const std::stop_token& stop) { serve(stop); });
 }
 
@@ -194,10 +193,8 @@ void RobotLink::end(const TaskId& task, CallEndKind how, const std::string& prob
     told.worker = reply->worker;
     told.send = reply->send;
     told.execute = reply->execute;
-    told.held = reply->held;
     told.outputs = reply->outputs;
   }
-  told.taken = running.taken;
   told.total = clock_.now() - running.submitted;
   if (!running.submission.ended) return;
   told_.push_back([ended = running.submission.ended, told = std::move(told)] { ended(told); });
@@ -208,9 +205,8 @@ void RobotLink::replied(const ReplyMessage& reply) {
   std::size_t bytes = 0;
   with_caller([&](Nanos now) {
     const auto at = running_.find(reply.task);
-    if (at != running_.end() && at->second.taken == Nanos::zero()) {
+    if (at != running_.end() && !std::exchange(at->second.taken, true)) {
       Running& running = at->second;
-      running.taken = now - running.submitted;
       took = now - running.given;
       bytes = running.sent_bytes;
       if (running.submission.taken) told_.push_back(running.submission.taken);
@@ -220,23 +216,16 @@ void RobotLink::replied(const ReplyMessage& reply) {
   if (bytes > 0) measure(took, bytes);
 }
 
-void RobotLink::hello(const Incoming& message) {
-  auto hello = decode_as<HelloMessage>(message.data);
+void RobotLink::heard_hello(const HelloMessage& hello) {
   with_caller([&](Nanos now) {
-    if (!hello.value) {
-      ++malformed_;
-      problem_ = "a worker says what cannot be read: " + hello.problem;
-      return;
-    }
-    const std::uint64_t instance = hello.value->instance;
     if (workers_.size() >= kMostHeard) workers_.clear();
     const auto silent = std::erase_if(workers_, [&](const auto& entry) {
-      return entry.second.at + options_.limits.worker < now && entry.first != instance;
+      return entry.second.at + options_.limits.worker < now && entry.first != hello.instance;
     });
-    const auto [known, is_new] = workers_.try_emplace(instance);
-    if (is_new || silent > 0 || known->second.said.workloads != hello.value->workloads) ++heard_;
-    known->second = {std::move(*hello.value), now};
-    caller_.worker_heard(instance, now);
+    const auto [known, is_new] = workers_.try_emplace(hello.instance);
+    if (is_new || silent > 0 || known->second.said.workloads != hello.workloads) ++heard_;
+    known->second = {hello, now};
+    caller_.worker_heard(hello.instance, now);
   });
 }
 
@@ -314,11 +303,6 @@ LinkEstimate RobotLink::estimate() const {
 CallerCounts RobotLink::counts() const {
   const std::lock_guard lock(mutex_);
   return caller_.counts();
-}
-
-std::int64_t RobotLink::malformed() const {
-  const std::lock_guard lock(mutex_);
-  return malformed_;
 }
 
 std::string RobotLink::why_not(const Workload& workload) const {

@@ -34,11 +34,10 @@ struct TaskEnd {
   CallEndKind how = CallEndKind::kDone;
   std::string problem = {};  ///< In one line; empty if done.
   std::string worker = {};
-  std::uint32_t send = 0;     ///< That it is the reply to.
-  Payload outputs = {};       ///< Of one that is done: encode_tensors.
-  Nanos execute{0}, held{0};  ///< By the worker's clock.
-  Nanos taken{0};  ///< From submitting to a worker's word that it has it; 0 = none said so.
-  Nanos total{0};  ///< From submitting to here.
+  std::uint32_t send = 0;  ///< That it is the reply to.
+  Payload outputs = {};    ///< Of one that is done: encode_tensors.
+  Nanos execute{0};        ///< By the worker's clock.
+  Nanos total{0};          ///< From submitting to here.
 };
 
 struct Submission {
@@ -80,8 +79,6 @@ class RobotLink : private CallerEvents {
   [[nodiscard]] LinkEstimate estimate() const;
   void measure(Nanos took, std::size_t bytes);
   [[nodiscard]] CallerCounts counts() const;
-  /// Messages that were none.
-  [[nodiscard]] std::int64_t malformed() const;
   /// Why no worker that was heard computes it: nobody knows it, or it is something else there;
   /// empty if one does, or nobody was heard.
   [[nodiscard]] std::string why_not(const Workload& workload) const;
@@ -94,8 +91,9 @@ class RobotLink : private CallerEvents {
  private:
   struct Running {
     Submission submission;
-    Nanos submitted{0}, given{0}, taken{0};
+    Nanos submitted{0}, given{0};
     std::size_t sent_bytes = 0;  ///< That it was given to a worker with.
+    bool taken = false;
   };
   struct Worker {
     HelloMessage said;
@@ -118,7 +116,7 @@ class RobotLink : private CallerEvents {
   void stream_is(const RobotStream& stream);
   void claimed(const ClaimMessage& claim);
   void replied(const ReplyMessage& reply);
-  void hello(const Incoming& message);
+  void heard_hello(const HelloMessage& hello);
   void note(const std::string& problem);
   template <typename Said>
   void subscribe(const std::string& subject, void (RobotLink::*handler)(const Said&));
@@ -135,7 +133,6 @@ class RobotLink : private CallerEvents {
   std::vector<std::function<void()>> told_;  ///< What somebody has to hear.
   Nanos ask_at_ = Nanos::max();              ///< For the robot's stream.
   LinkEstimate estimate_;
-  std::int64_t malformed_ = 0;
   std::string problem_;
   RobotStream stream_;
   std::map<std::uint64_t, Worker> workers_;  ///< That are not silent, by instance.

@@ -42,34 +42,29 @@ class Line {
   }
 
  private:
-  [[nodiscard]] bool wait(short events) const {
+  [[nodiscard]] bool put_all(ByteView bytes) const {
+    return all(POLLOUT, bytes.size(), [&](std::size_t done) {
+      const ByteView left = bytes.subspan(done);
+      return ::send(descriptor_, left.data(), left.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+    });
+  }
+  [[nodiscard]] bool get_all(std::span<std::byte> bytes) const {
+    return all(POLLIN, bytes.size(), [&](std::size_t done) {
+      const auto left = bytes.subspan(done);
+      return ::recv(descriptor_, left.data(), left.size(), MSG_DONTWAIT);
+    });
+  }
+  template <typename Move>
+  [[nodiscard]] bool all(short events, std::size_t size, const Move& move) const {
     constexpr int kLookMs = 100;
-    pollfd ready{descriptor_, events, 0};
-    while (!goes_on_ || goes_on_()) {
-      const int count = ::poll(&ready, 1, goes_on_ ? kLookMs : -1);
-      if (count > 0) return true;
-      if (count < 0 && errno != EINTR) return false;
-    }
-    return false;
-  }
-  [[nodiscard]] bool put_all(ByteView left) const {
-    while (!left.empty()) {
-      if (!wait(POLLOUT)) return false;
-      const ssize_t sent =
-          ::send(descriptor_, left.data(), left.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-      if (sent < 0 && (errno == EINTR || errno == EAGAIN)) continue;
-      if (sent <= 0) return false;
-      left = left.subspan(static_cast<std::size_t>(sent));
-    }
-    return true;
-  }
-  [[nodiscard]] bool get_all(std::span<std::byte> left) const {
-    while (!left.empty()) {
-      if (!wait(POLLIN)) return false;
-      const ssize_t got = ::recv(descriptor_, left.data(), left.size(), MSG_DONTWAIT);
-      if (got < 0 && (errno == EINTR || errno == EAGAIN)) continue;
-      if (got <= 0) return false;
-      left = left.subspan(static_cast<std::size_t>(got));
+    for (std::size_t done = 0; done < size;) {
+      if (goes_on_ && !goes_on_()) return false;
+      pollfd ready{descriptor_, events, 0};
+      if (::poll(&ready, 1, goes_on_ ? kLookMs : -1) == 0) continue;
+      const ssize_t moved = move(done);
+      if (moved < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+      if (moved <= 0) return false;
+      done += static_cast<std::size_t>(moved);
     }
     return true;
   }

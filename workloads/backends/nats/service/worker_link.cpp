@@ -277,7 +277,6 @@ bool WorkerLink::say(const Job& job, ReplyMessage reply) {
   reply.task = job.message.task;
   reply.send = job.message.send;
   reply.worker = options_.name;
-  reply.held = clock_.now() - job.taken;
   return connection_->publish(subject("answer", job.robot), encode(reply));
 }
 

@@ -28,7 +28,7 @@ void fields(auto& all, As<TaskMessage> auto& task) {
       task.parameters, task.inputs);
 }
 void fields(auto& all, As<ReplyMessage> auto& reply) {
-  all(reply.task, reply.send, reply.kind, reply.worker, reply.problem, reply.execute, reply.held,
+  all(reply.task, reply.send, reply.kind, reply.worker, reply.problem, reply.execute,
       reply.outputs);
 }
 void fields(auto& all, As<CancelMessage> auto& cancel) { all(cancel.task); }

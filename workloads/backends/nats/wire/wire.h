@@ -110,8 +110,7 @@ struct ReplyMessage {
   ReplyKind kind = ReplyKind::kDone;
   std::string worker = {};
   std::string problem = {};  ///< In one line; empty if done.
-  /// By the worker's clock: the computation, and all from taking the task to sending this.
-  Nanos execute{0}, held{0};
+  Nanos execute{0};  ///< By the worker's clock.
   Payload outputs = {};  ///< Of kDone: encode_tensors.
 };
 
