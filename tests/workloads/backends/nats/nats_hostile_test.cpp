@@ -312,7 +312,7 @@ TEST_F(CloudHostile, MakesTheWorkerReadNothingThatIsTooLarge) {
   EXPECT_EQ(reply.kind, ReplyKind::kRefused);
   EXPECT_THAT(reply.problem, HasSubstr("209715200 bytes of inputs"));
   // As much as it says, and nothing of it is there.
-  task.inputs = Blob{{}, encoded_bytes(blur.inputs), 4096};
+  task.inputs = Blob{{}, encoded_bytes(blur.inputs), 32768};
   EXPECT_EQ(robot_->ask(task).kind, ReplyKind::kMissing);
   EXPECT_LT(resident_mb("self"), before + 100) << "the bytes that it sent are gone again";
 }

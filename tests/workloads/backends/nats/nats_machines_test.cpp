@@ -353,6 +353,21 @@ TEST_F(CloudDesk, NobodySavesUpTime) {
   EXPECT_NEAR(served["a"], 5, 1);
 }
 
+TEST_F(CloudDesk, ACallThatEndsItsProcessCostsItsRobotTenTimes) {
+  Nanos now{0};
+  std::map<std::string, int> served;
+  for (int i = 0; i < 110; ++i) {
+    for (const char* robot : {"bad", "good"}) desk_.offered(robot, 1, 9, now);
+    const auto claim = desk_.claim(now);
+    ASSERT_TRUE(claim);
+    ASSERT_TRUE(desk_.take(claim->robot, claim->run, 8, now));
+    now += milliseconds(100);
+    desk_.finished(claim->robot, milliseconds(100), claim->robot == "bad", now);
+    ++served[claim->robot];
+  }
+  EXPECT_NEAR(served["bad"], 10, 1);
+}
+
 TEST_F(CloudDesk, AClaimThatRunsOutIsItsRobotsTime) {
   desk_.offered("mute", 1, 9, Nanos(0));
   EXPECT_EQ(claims(Nanos(0)), "mute");

@@ -53,7 +53,7 @@ TaskMessage small_task(const Workload& workload) {
   task.task = {1, 2};
   task.send = 3;
   task.time_left = std::chrono::milliseconds(40);
-  task.parameters = Blob{digest_of(parameters), parameters.size(), 4096};
+  task.parameters = Blob{digest_of(parameters), parameters.size(), 32768};
   return task;
 }
 
@@ -141,9 +141,9 @@ TEST(CloudWire, DurationsThatArriveAreInRange) {
 }
 
 TEST(CloudWire, ABlobHasAsManyChunksAsItsBytesNeed) {
-  EXPECT_EQ((Blob{{}, 1, 4096}.chunks()), 1U);
-  EXPECT_EQ((Blob{{}, 4096, 4096}.chunks()), 1U);
-  EXPECT_EQ((Blob{{}, 4097, 4096}.chunks()), 2U);
+  EXPECT_EQ((Blob{{}, 1, 32768}.chunks()), 1U);
+  EXPECT_EQ((Blob{{}, 32768, 32768}.chunks()), 1U);
+  EXPECT_EQ((Blob{{}, 32769, 32768}.chunks()), 2U);
 }
 
 TEST(CloudWire, NamesWhatIsWrongWithAMessage) {
@@ -220,7 +220,7 @@ TEST(CloudWire, SizesFollowFromTheSpec) {
     return admission.admit(other).problem;
   };
   EXPECT_THAT(refused([](TaskMessage& t) {
-                t.inputs = Blob{{}, 600'000'000, 4096};
+                t.inputs = Blob{{}, 600'000'000, 32768};
               }),
               HasSubstr("600000000 bytes of inputs"));
   EXPECT_THAT(refused([](TaskMessage& t) { std::get<Bytes>(t.inputs).resize(1000); }),
@@ -283,7 +283,7 @@ TEST(CloudWire, ABatchTravelsAsItsLayerAndTheNumberOfImages) {
   for (const char* const name : {"fc8@batch8", "alexnet@batch2"}) {
     const Workload& batch = find_workload(name);
     TaskMessage task = task_of(batch, make_tensors(batch.inputs));
-    task.parameters = Blob{{}, encoded_bytes(batch.parameters), 4096};
+    task.parameters = Blob{{}, encoded_bytes(batch.parameters), 32768};
     const auto admitted = admission.admit(task);
     ASSERT_TRUE(admitted.value) << admitted.problem;
     EXPECT_EQ((*admitted.value)->name, name);

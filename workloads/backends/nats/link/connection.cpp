@@ -300,7 +300,8 @@ std::string Connection::why_down() const {
   std::ranges::transform(small, small.begin(),
                          [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
   const auto says = [&](const char* what) { return small.find(what) != std::string::npos; };
-  if (says("maximum connections")) {
+  // It says so, and hangs up: what it said may be lost.
+  if (says("maximum connections") || says("expected 'pong', got ''")) {
     return "it has as many connections as it may have; raise max_connections there";
   }
   if (says("authorization") || says("authentication")) {

@@ -98,7 +98,7 @@ void Desk::finished(const std::string& name, Nanos used, bool failed, Nanos now)
   --computing_;
   Robot& robot = robots_.at(name);
   --robot.slots;
-  robot.used += used;
+  robot.used += failed ? limits_.failure_costs * used : used;
   if (failed) robot.failures.push_back(now);
 }
 

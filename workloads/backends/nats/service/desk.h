@@ -26,6 +26,7 @@ struct DeskLimits {
   /// Calls of a robot that ended a slot's process, by their time or a crash, within failure_window:
   /// so many, and it is refused until some are older.
   std::size_t most_failures = 10;
+  int failure_costs = 10;  ///< Times the time that such a call took.
   Nanos failure_window = std::chrono::minutes(1);
 };
 

@@ -248,7 +248,9 @@ std::optional<Bytes> WorkerLink::fetch(const Job& job, std::string_view what,
                                        const std::string& name, const Blob& blob,
                                        ReplyMessage& reply) {
   auto found = fetch_blob(*connection_, job.robot, blob_subject(job.robot, what, name), blob,
-                          [&] { return stopping_ || job.unwanted; });
+                          [&, until = clock_.now() + options_.fetch] {
+                            return stopping_ || job.unwanted || clock_.now() >= until;
+                          });
   if (found.how == Fetched::How::kWhole) return std::move(found.bytes);
   const bool missing = found.how == Fetched::How::kMissing;
   reply.kind = missing ? ReplyKind::kMissing : ReplyKind::kLater;

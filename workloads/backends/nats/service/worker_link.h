@@ -33,6 +33,7 @@ struct WorkerOptions {
   std::string version = {};                             ///< Of pirt.
   DeskLimits limits = {};                               ///< With the slots.
   std::uint64_t call_bytes = std::uint64_t{512} << 20;  ///< Of a call's tensors.
+  Nanos fetch = std::chrono::seconds(60);               ///< For reading what a call needs.
   Nanos hello = std::chrono::seconds(2);                ///< Between announcements,
   Nanos progress = std::chrono::seconds(2);             ///< and signs of life of a task.
   /// Called from the slot's thread, when it begins.

@@ -61,7 +61,8 @@ struct Blob {
   friend bool operator==(const Blob&, const Blob&) = default;
 };
 inline constexpr std::uint64_t kMostBlobBytes = std::uint64_t{1} << 32;
-inline constexpr std::uint32_t kLeastChunkBytes = 4096;
+/// Smaller ones would be no more than a way to keep whoever reads them busy.
+inline constexpr std::uint32_t kLeastChunkBytes = 32 << 10;
 
 /// What a frame carries where it fits, and else where it lies.
 using Payload = std::variant<Bytes, Blob>;
