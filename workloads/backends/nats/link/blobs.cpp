@@ -118,8 +118,7 @@ Fetched fetch_blob(Connection& connection, const std::string& robot, const std::
 
 void remove_blob(Connection& connection, const std::string& robot, const std::string& prefix) {
   const std::string text = json_text(Json::object({{"filter", prefix + ".>"}}));
-  connection.publish("$JS.API.STREAM.PURGE." + blob_stream(robot), std::as_bytes(std::span(text)),
-                     connection.inbox() + ".purged");
+  connection.publish("$JS.API.STREAM.PURGE." + blob_stream(robot), std::as_bytes(std::span(text)));
 }
 
 }  // namespace pirt::cloud

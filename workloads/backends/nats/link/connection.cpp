@@ -74,7 +74,6 @@ struct Connection::State {
 
   ConnectionOptions options;
   Events events;
-  std::string inbox;
   std::atomic<bool> up = false;
 
   std::mutex mutex;  ///< Of what follows.
@@ -266,12 +265,6 @@ Connection::Connection(const ConnectionOptions& options, Events events)
   check_connection(options);
   state_->options = options;
   state_->events = std::move(events);
-  natsInbox* inbox = nullptr;
-  throw_unless(natsInbox_Create(&inbox), "libnats: ");
-  state_->inbox = inbox;
-  natsInbox_Destroy(inbox);
-  // libnats takes its own prefix for that.
-  state_->inbox = options.inbox + state_->inbox.substr(state_->inbox.find('.'));
   keeper_ = start_thread(
       [state = state_](const std::stop_token& stop) { State::keep_open(stop, state); });
 }
@@ -286,8 +279,6 @@ bool Connection::wait_until_up(Nanos most) {
 }
 
 bool Connection::is_up() const { return state_->up; }
-
-const std::string& Connection::inbox() const { return state_->inbox; }
 
 std::string Connection::why_down() const {
   if (is_up()) return "";
@@ -321,14 +312,11 @@ void Connection::subscribe(const std::string& subject, Handler handler, std::int
   if (state_->up) State::subscribe(state_, state_->wanted.back());
 }
 
-bool Connection::publish(const std::string& subject, ByteView data, const std::string& reply) {
+bool Connection::publish(const std::string& subject, ByteView data) {
   const auto handle = state_->current();
-  const auto size = static_cast<int>(std::min(data.size(), kMostMessage));
-  if (handle == nullptr || data.size() > kMostMessage) return false;
-  const auto* const bytes = reinterpret_cast<const char*>(data.data());
-  return (reply.empty() ? natsConnection_Publish(handle.get(), subject.c_str(), bytes, size)
-                        : natsConnection_PublishRequest(handle.get(), subject.c_str(),
-                                                        reply.c_str(), bytes, size)) == NATS_OK;
+  return handle != nullptr && data.size() <= kMostMessage &&
+         natsConnection_Publish(handle.get(), subject.c_str(), data.data(),
+                                static_cast<int>(data.size())) == NATS_OK;
 }
 
 Connection::Answer Connection::request(const std::string& subject, ByteView data, Nanos most) {

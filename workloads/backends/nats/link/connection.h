@@ -76,11 +76,8 @@ class Connection {
   /// More than @p most_bytes that wait for the handler are not taken: no sender fills the memory.
   void subscribe(const std::string& subject, Handler handler,
                  std::int64_t most_bytes = std::int64_t{64} << 20);
-  /// A subject of this connection's own, under which answers may come.
-  [[nodiscard]] const std::string& inbox() const;
-  /// @param reply  Where the server or a peer answers; empty = nobody does.
   /// @return  Whether it is on its way.
-  bool publish(const std::string& subject, ByteView data, const std::string& reply = "");
+  bool publish(const std::string& subject, ByteView data);
 
   struct Answer {
     bool came = false;  ///< Else: no connection, or nothing came in time.

@@ -70,10 +70,6 @@ RobotLink::RobotLink(const RobotOptions& options)
   };
   events.problem = [this](const std::string& problem) { note(problem); };
   connection_ = std::make_unique<Connection>(robot_connection(options_), std::move(events));
-  connection_->subscribe(connection_->inbox() + ".stream", [this](const Incoming& message) {
-    stream_is(read_stream_info({true, message.status, {message.data.begin(), message.data.end()}},
-                               options_.robot));
-  });
   subscribe(subject("claim", options_.robot), &RobotLink::claimed);
   subscribe(subject("answer", options_.robot), &RobotLink::replied);
   subscribe(kHelloSubject, &RobotLink::heard_hello);
@@ -91,10 +87,13 @@ void RobotLink::serve(const std::stop_token& stop) {
   name_thread("pirt-robot");
   while (!stop.stop_requested()) {
     try {
-      with_caller([this](Nanos now) {
-        if (ask_at_ <= now) ask_for_stream();
+      bool asks = false;
+      with_caller([&](Nanos now) {
+        asks = ask_at_ <= now;
+        if (asks) ask_at_ = now + kAskAgain;
         if (caller_.next_wake() <= now) caller_.wake(now);
       });
+      if (asks) ask_for_stream();
       std::unique_lock lock(mutex_);
       const Nanos until = std::min(caller_.next_wake(), ask_at_), now = clock_.now();
       const Nanos left =
@@ -115,15 +114,13 @@ void RobotLink::note(const std::string& problem) {
 
 /// Without a stream of its own nothing large would ever get to a worker.
 void RobotLink::ask_for_stream() {
-  ask_at_ = clock_.now() + kAskAgain;
-  connection_->publish("$JS.API.STREAM.INFO." + blob_stream(options_.robot), {},
-                       connection_->inbox() + ".stream");
-}
-
-void RobotLink::stream_is(const RobotStream& stream) {
+  const auto answer =
+      connection_->request("$JS.API.STREAM.INFO." + blob_stream(options_.robot), "", kAskAgain);
+  if (!answer.came) return;
+  RobotStream stream = read_stream_info(answer, options_.robot);
+  if (connection_->chunk_bytes() == 0) stream.missing = connection_->why_no_chunks();
   with_caller([&](Nanos now) {
     stream_ = stream;
-    if (connection_->chunk_bytes() == 0) stream_.missing = connection_->why_no_chunks();
     if (!stream_.missing.empty() || !connection_->is_up()) return;  // It is asked again.
     ask_at_ = Nanos::max();
     caller_.link_up(now);

@@ -113,7 +113,6 @@ class RobotLink : private CallerEvents {
   void with_caller(Step step);
   void serve(const std::stop_token& stop);
   void ask_for_stream();
-  void stream_is(const RobotStream& stream);
   void claimed(const ClaimMessage& claim);
   void replied(const ReplyMessage& reply);
   void heard_hello(const HelloMessage& hello);
