@@ -32,6 +32,10 @@ std::vector<const Workload*> known_workloads() {
                            "avoid_obstacles", "plan_path", "track_features", "bundle_adjust"}) {
     all.push_back(&find_workload(name));
   }
+  for (const vision::Entry& entry : vision::entries()) {
+    const Workload& each = find_workload(entry.make(entry.width, entry.height).name);
+    if (!each.state && std::ranges::find(all, &each) == all.end()) all.push_back(&each);
+  }
   return all;
 }
 
@@ -301,6 +305,33 @@ TEST_F(CloudHostile, MayPutAnyNumbersIntoItsInputs) {
     }
   }
   EXPECT_EQ(answered, 120);
+}
+
+/// Whatever a kind's maker takes: it is computed, and no process ends.
+TEST_F(CloudHostile, MayAskForPicturesOfAnySize) {
+  int done = 0;
+  for (const vision::Entry& entry : vision::entries()) {
+    for (const auto& [width, height] :
+         {std::pair(64, 64), std::pair(65, 67), std::pair(127, 64), std::pair(64, 16384),
+          std::pair(16384, 64), std::pair(1001, 99)}) {
+      const Workload workload = entry.make(width, height);
+      if (workload.state) continue;
+      TaskMessage task = HostileRobot::task_of(workload);
+      auto inputs = make_tensors(workload.inputs);
+      Random random(5);
+      for (auto& each : inputs[0].as<std::uint8_t>())
+        each = static_cast<std::uint8_t>(random.next());
+      task.inputs = robot_->put("in", robot_->next_task(), encode_tensors(inputs));
+      if (!workload.parameters.empty()) {
+        task.parameters = robot_->put_parameters(zeros(workload.parameters));
+      }
+      const ReplyMessage reply = robot_->ask(task);
+      EXPECT_EQ(reply.kind, ReplyKind::kDone)
+          << workload.name << " " << width << "x" << height << ": " << reply.problem;
+      ++done;
+    }
+  }
+  EXPECT_GT(done, 30);
 }
 
 TEST_F(CloudHostile, MakesTheWorkerReadNothingThatIsTooLarge) {
