@@ -222,6 +222,24 @@ TEST_F(CloudCaller, LostLinksAreNoTries) {
   EXPECT_THAT(said(), ElementsAre("done"));
 }
 
+TEST_F(CloudCaller, AsksAgainSoonWhereAnAnswerWasLostWithTheLink) {
+  connect();
+  submit();
+  claim(kWorker, Nanos(0));
+  reply(ReplyKind::kRunning, 1, Nanos(0));
+  caller_.link_down();
+  caller_.link_up(seconds(5));
+  EXPECT_EQ(caller_.next_wake(), seconds(15)) << "its worker may not be back";
+  caller_.worker_heard(kWorker, seconds(6));
+  EXPECT_EQ(caller_.next_wake(), seconds(9)) << "it would say that it has it";
+  said();
+  send_ = 1;
+  claim_again(kOther, seconds(9));
+  EXPECT_EQ(said().back(), "give 1 to 8, send 2");
+  for (int i = 0; i < 2; ++i) reply(ReplyKind::kFailedTry, 2, seconds(20));
+  EXPECT_EQ(caller_.live(), 1U) << "that was no try";
+}
+
 TEST_F(CloudCaller, SaysWhatRemainsOfATasksTime) {
   connect();
   submit(Nanos(0), milliseconds(300));

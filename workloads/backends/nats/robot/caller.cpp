@@ -135,8 +135,14 @@ void Caller::failed(Entries::iterator at, const std::string& problem, Nanos now)
 
 void Caller::worker_heard(std::uint64_t worker, Nanos now) {
   if (workers_.size() >= kMostWorkers) workers_.clear();
-  const bool is_new = workers_.insert_or_assign(worker, now).second;
-  if (is_new) offer(now);
+  if (!workers_.insert_or_assign(worker, now).second) return;
+  // It is back, and says soon what it has.
+  for (auto& [task, entry] : entries_) {
+    for (Given& each : entry.given) {
+      if (each.worker == worker) each.until = std::min(each.until, now + limits_.confirm);
+    }
+  }
+  offer(now);
 }
 
 void Caller::wake(Nanos now) {

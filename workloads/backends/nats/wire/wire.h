@@ -111,8 +111,8 @@ struct ReplyMessage {
   ReplyKind kind = ReplyKind::kDone;
   std::string worker = {};
   std::string problem = {};  ///< In one line; empty if done.
-  Nanos execute{0};  ///< By the worker's clock.
-  Payload outputs = {};  ///< Of kDone: encode_tensors.
+  Nanos execute{0};          ///< By the worker's clock.
+  Payload outputs = {};      ///< Of kDone: encode_tensors.
 };
 
 /// The robot does not want it any more.
