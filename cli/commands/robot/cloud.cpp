@@ -135,8 +135,8 @@ int work(const CloudFlags& options) {
       .call_bytes = static_cast<std::uint64_t>(options.cache_mb) << 20,
       .make_computer = [&options] {
         return cloud::make_process_computer({.program = "/proc/self/exe",
-                                   .arguments = slot_arguments(options),
-                                   .call_limit = parse_duration(options.call_limit)});
+                                             .arguments = slot_arguments(options),
+                                             .call_limit = parse_duration(options.call_limit)});
       }};
   const auto own = description(options);
   const auto known = known_on(backend, own);
