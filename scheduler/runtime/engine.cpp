@@ -230,7 +230,7 @@ RuntimeStatistics Runtime::Engine::statistics() {
   RuntimeStatistics statistics = counts_;
   statistics.problems = problems_.first();
   statistics.returned = dispatcher_->counts().returned;
-  statistics.suspended = dispatcher_->counts().suspended;
+  statistics.left = dispatcher_->counts().suspended;
   statistics.set_up = set_up_;
   statistics.live = statistics.submitted - statistics.completed - statistics.failed -
                     statistics.dropped - statistics.expired - statistics.cancelled;

@@ -246,7 +246,7 @@ struct RuntimeStatistics {
   std::int64_t live = 0;
   std::int64_t late = 0;              ///< Of those that have ended: after their deadline.
   std::int64_t returned = 0;          ///< How often a unit gave a task back, to be tried elsewhere.
-  std::int64_t suspended = 0;         ///< How often a call was, for a more urgent one.
+  std::int64_t left = 0;              ///< How often a call was suspended for a more urgent one.
   Nanos set_up{0};                    ///< What the start took.
   std::vector<std::string> problems;  ///< The first few: failed calls, lost units, callbacks.
 };

@@ -94,7 +94,7 @@ TEST(LiveSlices, AnUrgentTaskRunsBetweenTwoSlicesOfALongOne) {
     EXPECT_EQ(order.text,
               slices ? "long short goes on ends short " : "long goes on ends short short ");
     const auto statistics = runtime.statistics();
-    EXPECT_EQ(statistics.suspended, slices ? 1 : 0);
+    EXPECT_EQ(statistics.left, slices ? 1 : 0);
     EXPECT_EQ(statistics.completed, 3);
     runtime.write_trace();
     const auto replayed = replay_file(trace_path());
