@@ -65,7 +65,7 @@ units: {cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}}
     running = &runtime;
     static_cast<void>(runtime.submit("sliced", {}, {}));
     runtime.wait_all();
-    if (runtime.statistics().suspended != times) return 1;
+    if (runtime.statistics().left != times) return 1;
   }
   print("asked, nothing is let in", asked);
   print("left for an empty task, and on again", left);

@@ -125,7 +125,7 @@ TEST(LiveSlices, NestAsDeadlinesDo) {
   deepest.count_down();
   runtime.wait_all();
   EXPECT_EQ(order.text, "long middle short middle ends goes on ends ");
-  EXPECT_EQ(runtime.statistics().suspended, 2);
+  EXPECT_EQ(runtime.statistics().left, 2);
 }
 
 TEST(LiveSlices, WhatIsLeftCanBeCancelledAndHearsOfItWhenItGoesOn) {
