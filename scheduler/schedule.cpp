@@ -129,7 +129,8 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
   const Platform platform = on_devices(named, profile, options.without);
   ModeSetup setup = set_up_mode(platform, profile, mix, options);
   const Mode& mode = setup.mode;
-  std::optional<PlannedBudget> own;
+  std::optional<PlannedBudget> own;  // Where the caller keeps none.
+  std::vector<TriedPlan> tried;
   if (mode.policy.budgets && mix.fires_once()) {
     plan_once(setup);
   } else if (mode.policy.budgets) {
@@ -137,7 +138,7 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
     if (!known) known = plan_budget(setup, options);
     follow(*known, setup);
     if (time == "live") plan_for_losses(setup, options);
-    own = known;
+    tried = known->tried;
   }
   if (options.redraw) redraw(platform, *options.redraw, setup.scenario.services);
   const Scenario& scenario = setup.scenario;
@@ -170,7 +171,7 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
     record.min_rate_per_ms = options.min_rate_per_ms;
     record.power_cap_w = options.power_cap_w;
     if (options.power_cap_w) record.over_cap = dispatcher.policy().over_cap();
-    if (own) record.tried = own->tried;
+    record.tried = std::move(tried);
     if (!mix.fires_once()) add_guarantees(scenario, setup.policy_setup, record);
   }
   if (tally.tasks.suspended > 0) record.suspensions = tally.tasks.suspended;

@@ -85,23 +85,28 @@ bool is_better(const Keys& a, const Keys& b) {
   return false;
 }
 
+bool joules_known(const ModeSetup& setup) {
+  return without_joules(setup.scenario, setup.policy_setup.budget) == nullptr;
+}
+
+/// Nobody can be frugal with joules that nobody knows.
+Goals goals_of(const ModeSetup& setup, const ScheduleOptions& options, Objective objective) {
+  const bool blind = objective == Objective::kEnergy && !joules_known(setup);
+  return {.objective = blind ? Objective::kRate : objective,
+          .min_rate_per_ms = options.min_rate_per_ms,
+          .most_w = setup.policy_setup.budget.window_j};
+}
+
 class Planning {
  public:
   Planning(const ModeSetup& setup, const ScheduleOptions& options, Objective objective,
-           std::int64_t most_tasks = kMostTasks)
+           std::int64_t most_tasks)
       : setup_(setup),
         options_(options),
         most_tasks_(most_tasks),
+        goals_(goals_of(setup, options, objective)),
         trial_(setup, kTrialTasks),
-        choice_{setup.policy_setup.budget, setup.scenario.in_flight} {
-    goals_ = {.objective = objective,
-              .min_rate_per_ms = options.min_rate_per_ms,
-              .most_w = choice_.plan.window_j};
-    if (!joules_known_ && goals_.objective == Objective::kEnergy)
-      goals_.objective = Objective::kRate;
-  }
-
-  [[nodiscard]] const Goals& goals() const { return goals_; }
+        choice_{setup.policy_setup.budget, setup.scenario.in_flight} {}
 
   BudgetChoice run() {
     begin();
@@ -121,7 +126,7 @@ class Planning {
     for (const Pipeline& pipeline : run.mix.pipelines)
       urgent.push_back(pipeline.deadline.has_value());
     Work work = work_of(run, setup_.mode.policy.cloud_use, Taken::kMean);
-    if (!joules_known_) forget_joules(work);
+    if (!joules_known(setup_)) forget_joules(work);
     if (const auto assignment = assign(work, urgent, goals_)) take_units(*assignment, choice_.plan);
     measure_ways(run, choice_.plan);
     choose_in_flight();
@@ -290,7 +295,6 @@ class Planning {
   Goals goals_;
   Trial trial_;
   BudgetChoice choice_;
-  bool joules_known_ = without_joules(setup_.scenario, choice_.plan) == nullptr;
   TrialResult best_;
   double least_ = 1e300;  ///< Of the objective's figure, the least that was taken.
 };
@@ -392,7 +396,7 @@ void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options) {
 }
 
 PlannedBudget plan_budget(const ModeSetup& setup, const ScheduleOptions& options) {
-  const Goals goals = Planning(setup, options, objective_of(options)).goals();
+  const Goals goals = goals_of(setup, options, objective_of(options));
   auto candidates = candidates_of(setup, options);
   Candidate* best = &candidates.front();
   for (Candidate& each : candidates) {

@@ -12,33 +12,26 @@ constexpr double kWindowS = 1;  ///< Of a cap of power.
 
 void add_link(const Platform& platform, UnitId unit, std::int64_t size_bytes,
               std::vector<CallStep>& steps) {
-  const auto link = platform.links.find(platform.units[unit].link);
-  if (link == platform.links.end()) return;
-  const auto position = std::distance(platform.links.begin(), link);
-  const Nanos sending = sending_time(link->second, size_bytes);
-  const Distribution& latency = link->second.latency;
-  steps.push_back({.servers = static_cast<std::uint32_t>(platform.units.size()) +
-                              static_cast<std::uint32_t>(position),
+  const Link* const link = link_of(platform, unit);
+  if (link == nullptr) return;
+  const Nanos sending = sending_time(*link, size_bytes);
+  const Distribution& latency = link->latency;
+  steps.push_back({.servers = static_cast<std::uint32_t>(servers_of_link(platform, unit)),
                    .time = Distribution::constant(sending),
                    .usual = sending,
                    .scaled = sending,
-                   .watts = link->second.active_w,
+                   .watts = link->active_w,
                    .energy_scale = 1});
   steps.push_back({.time = latency, .usual = usual_worst_of(latency), .scaled = latency.mean()});
 }
 
-/// How much longer a call takes at most beside one that runs all the time.
-double slowest_beside(const CallConditions& conditions) {
-  return std::max({1.0, conditions.beside_memory, conditions.beside_compute});
-}
-
-/// The same beside all that share the unit's memory.
+/// How many times as long a call takes at most beside all that share the unit's memory.
 double beside_all(const ServiceTable& services, UnitId unit, const CallConditions& conditions) {
   const std::string& memory = services.units[unit].memory;
   if (memory.empty()) return 1;
   const auto others =
       std::ranges::count(services.units, memory, &UnitConditions::memory) - std::ptrdiff_t{1};
-  return 1 + static_cast<double>(others) * (slowest_beside(conditions) - 1);
+  return 1 + static_cast<double>(others) * (conditions.slowest_beside() - 1);
 }
 
 void add_stages(const Platform& platform, const ServiceTable& services, const Service& service,
@@ -155,7 +148,7 @@ Nanos CallStep::before_scale(Taken taken) const {
       return usual;
     case Taken::kWorst:
       if (conditions == nullptr) return usual;
-      return pirt::scaled(std::max(usual, conditions->usual_worst), slowest_beside(*conditions));
+      return pirt::scaled(std::max(usual, conditions->usual_worst), conditions->slowest_beside());
     case Taken::kHighest:
       break;
   }

@@ -2,6 +2,7 @@
 // of them belong to which unit. What virtual time makes of them: virtual/call_effects.h.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -25,6 +26,11 @@ struct CallConditions {
   Nanos usual_worst{0};       ///< p95 of the slowest of these, the slowdowns apart.
   std::int64_t bytes = 0;     ///< A call touches: Workload::bytes().
   bool streams = false;       ///< Memory, not arithmetic, is what its calls wait for.
+
+  /// How many times as long a call takes at most beside one that runs all the time.
+  [[nodiscard]] double slowest_beside() const {
+    return std::max({1.0, beside_memory, beside_compute});
+  }
 };
 
 /// Of a unit.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/numbers.h"
@@ -46,6 +47,12 @@ Nanos GraphEdge::transfer(UnitId source, UnitId target) const {
 const Link* link_of(const Platform& platform, UnitId unit) {
   const auto link = platform.links.find(platform.units[unit].link);
   return link == platform.links.end() ? nullptr : &link->second;
+}
+
+std::size_t servers_of_link(const Platform& platform, UnitId unit) {
+  const auto link = platform.links.find(platform.units[unit].link);
+  return platform.units.size() +
+         static_cast<std::size_t>(std::distance(platform.links.begin(), link));
 }
 
 Nanos sending_time(const Link& link, std::int64_t size_bytes) {

@@ -13,6 +13,8 @@ namespace pirt {
 
 /// The link that data to and from the unit travels over; null if there is none.
 [[nodiscard]] const Link* link_of(const Platform& platform, UnitId unit);
+/// Where the link of a unit that has one stands among a run's servers: units in order, then links.
+[[nodiscard]] std::size_t servers_of_link(const Platform& platform, UnitId unit);
 /// How long the link is busy with it; its latency follows.
 /// @throws Error{kBadInput} if it is longer than a time in a file may be.
 [[nodiscard]] Nanos sending_time(const Link& link, std::int64_t size_bytes);

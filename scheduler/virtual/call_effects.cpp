@@ -110,8 +110,7 @@ void CallEffects::run(const Execution& execution, const CallConditions* conditio
   for (UnitId id = 0; id < units_.size() && conditions != nullptr; ++id) {
     Unit& other = units_[id];
     if (!is_beside(execution.unit, id)) continue;
-    most +=
-        scaled(alone, std::max({1.0, conditions->beside_memory, conditions->beside_compute}) - 1);
+    most += scaled(alone, conditions->slowest_beside() - 1);
     if (other.ends <= now || other.conditions == nullptr) continue;
     const Nanos both = std::min(alone, other.ends - now);
     more += scaled(both, slowdown(*conditions, *other.conditions) - 1);

@@ -57,13 +57,14 @@ void Firings::plan_submission(std::uint32_t p, SeriesId first_series) {
   for (const MixTask& definition : pipeline.tasks) edges += definition.after.size();
   state.after.resize(edges);
   std::span<std::uint32_t> after = state.after;
-  const auto leads = recall_leads(scenario_, p);
+  // What is real-time, or has no deadline, is never taken back.
+  const bool may_leave = pipeline.deadline && !pipeline.real_time;
+  state.leads.resize(pipeline.tasks.size());
+  if (may_leave) state.leads = recall_leads(scenario_, p);
   for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
     const MixTask& definition = pipeline.tasks[t];
     Task& task = state.tasks.emplace_back();
     task.kind = scenario_.classes[p][t];
-    const bool may_leave = pipeline.deadline && !task.kind.real_time;
-    state.leads.push_back(may_leave ? leads[t] : std::nullopt);
     std::ranges::transform(definition.after, after.begin(),
                            [](std::size_t each) { return static_cast<std::uint32_t>(each); });
     task.after_own = after.first(definition.after.size());

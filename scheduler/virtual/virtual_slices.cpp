@@ -6,6 +6,7 @@
 
 #include "scheduler/virtual/job.h"
 #include "scheduler/virtual/virtual_time.h"
+#include "workloads/base/contract.h"
 #include "workloads/base/math/random.h"
 
 namespace pirt {
@@ -98,6 +99,7 @@ void VirtualTime::take_back(const Recalled& recalled) {
     const auto timer = std::ranges::find_if(timers_, [index](const Timer& each) {
       return each.kind == TimerKind::kDelay && each.index == index;
     });
+    expect(timer != timers_.end(), "a call that is wanted back is nowhere");
     charge_delay(index, job.takes - (timer->moment.time - now_));
     timers_.erase(timer);
     std::ranges::make_heap(timers_, std::greater{});

@@ -54,18 +54,21 @@ void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from, Nanos w
   books_.charge_link(unit, std::clamp(firings_.end() - from, Nanos::zero(), takes));
   if (observer_ == nullptr || link.active_w == 0 || takes == Nanos::zero()) return;
   const Nanos spread = std::min(takes, std::max(wait, kSecond));
-  const auto servers = scenario_.platform.units.size() +
-                       static_cast<std::size_t>(std::distance(
-                           scenario_.platform.links.begin(),
-                           scenario_.platform.links.find(scenario_.platform.units[unit].link)));
-  draw_for(servers, link.active_w * (to_s(takes) / to_s(spread)), spread);
+  draw_for(servers_of_link(scenario_.platform, unit), link.active_w * (to_s(takes) / to_s(spread)),
+           spread);
 }
 
 /// Who follows hears that so much is drawn beside what servers do, for a time.
 void VirtualTime::draw_for(std::size_t servers, double watts, Nanos time) {
   observer_->drawing(servers, watts);
-  add_timer(now_ + time, TimerKind::kDrawn, static_cast<std::uint32_t>(draws_.size()));
-  draws_.emplace_back(servers, watts);
+  if (free_draws_.empty()) {
+    free_draws_.push_back(static_cast<std::uint32_t>(draws_.size()));
+    draws_.emplace_back();
+  }
+  const std::uint32_t place = free_draws_.back();
+  free_draws_.pop_back();
+  draws_[place] = {servers, watts};
+  add_timer(now_ + time, TimerKind::kDrawn, place);
 }
 
 /// Sets what the step takes, where that is not always the same.

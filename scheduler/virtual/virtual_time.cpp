@@ -188,6 +188,7 @@ bool VirtualTime::advance(Nanos now) {
         break;
       case TimerKind::kDrawn:
         observer_->drawing(draws_[due.index].first, -draws_[due.index].second);
+        free_draws_.push_back(due.index);
         break;
     }
   }

@@ -178,7 +178,8 @@ class VirtualTime final : private Servers::Owner {
   std::vector<CallEffects::Slowed> slowed_;
   /// Servers, and what is drawn beside them; only where somebody follows.
   std::vector<std::pair<std::size_t, double>> draws_;
-  std::optional<Tally> at_end_;  ///< What is returned.
+  std::vector<std::uint32_t> free_draws_;  ///< Positions there that are over.
+  std::optional<Tally> at_end_;            ///< What is returned.
   Nanos now_{0};
 };
 

@@ -1,5 +1,7 @@
 // Calls that are left between two slices while they run: by the runtime, and by a live run of a
 // mix. No test looks at how long anything took.
+#include <fmt/core.h>
+
 #include <atomic>
 #include <filesystem>
 #include <latch>
@@ -256,24 +258,32 @@ TEST(LiveSlices, ManyTasksFromManyThreadsEndOnce) {
   EXPECT_FALSE(replay_file(trace_path()).result.difference);
 }
 
-// A mix live: plans come while a map is adjusted, and are let in; seldom enough that there is time
-// to adjust between them where all takes fifty times as long. The trace replays.
-TEST(LiveSlices, ALiveRunLeavesCallsToo) {
-  const auto platform = parse_platform("test.yaml", R"(
+Platform mapping_board(int slots) {
+  return parse_platform("test.yaml",
+                        fmt::format(R"(
 platform: one
 units:
-  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1, idle_w: 0}
+  cpu: {{backend: cpu, cores: all, slots: {}, active_w: 1, idle_w: 0}}
 workloads:
-  bundle_adjust: {cpu: [{on: cpu, ms: 60}]}
-  avoid_obstacles: {cpu: [{on: cpu, ms: 0.1}]}
+  bundle_adjust: {{cpu: [{{on: cpu, ms: 60}}]}}
+  avoid_obstacles: {{cpu: [{{on: cpu, ms: 0.1}}]}}
 )",
-                                       {}, 2);
-  const auto mix = mix_of(R"(
+                                    slots),
+                        {}, 2);
+}
+
+constexpr const char* kPlanningBesideMapping = R"(
 mix: m
 pipelines:
   planning: {rate_hz: 20, deadline_ms: 50, tasks: [{workload: avoid_obstacles}]}
   mapping: {rate_hz: 4, tasks: [{workload: bundle_adjust}]}
-)");
+)";
+
+// A mix live: plans come while a map is adjusted, and are let in; seldom enough that there is time
+// to adjust between them where all takes fifty times as long. The trace replays.
+TEST(LiveSlices, ALiveRunLeavesCallsToo) {
+  const auto platform = mapping_board(1);
+  const auto mix = mix_of(kPlanningBesideMapping);
   ScheduleOptions options;
   options.mode = "edf";
   options.slices = true;
@@ -291,22 +301,9 @@ pipelines:
 
 // A unit with several slots is given the next call while one runs: it leaves none.
 TEST(LiveSlices, AUnitWithSeveralSlotsLeavesNoCall) {
-  const auto platform = parse_platform("test.yaml", R"(
-platform: one
-units:
-  cpu: {backend: cpu, cores: all, slots: 2, active_w: 1, idle_w: 0}
-workloads:
-  bundle_adjust: {cpu: [{on: cpu, ms: 60}]}
-  avoid_obstacles: {cpu: [{on: cpu, ms: 0.1}]}
-)",
-                                       {}, 2);
+  const auto platform = mapping_board(2);
   EXPECT_FALSE(can_suspend_calls(platform.units[0]));
-  const auto mix = mix_of(R"(
-mix: m
-pipelines:
-  planning: {rate_hz: 20, deadline_ms: 50, tasks: [{workload: avoid_obstacles}]}
-  mapping: {rate_hz: 4, tasks: [{workload: bundle_adjust}]}
-)");
+  const auto mix = mix_of(kPlanningBesideMapping);
   ScheduleOptions options;
   options.mode = "edf";
   options.slices = true;
