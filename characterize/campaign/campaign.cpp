@@ -18,6 +18,7 @@
 #include "characterize/campaign/precision_plan.h"
 #include "characterize/campaign/run_facts.h"
 #include "characterize/platform/unit_request.h"
+#include "characterize/profile/own_rows.h"
 #include "characterize/profile/profile.h"
 #include "characterize/profile/roofline.h"
 #include "characterize/profile/store/database_format.h"
@@ -44,6 +45,7 @@ Environment run_environment(const CampaignOptions& options, const CampaignPlan& 
   facts.merge(idle_facts(plan));
   facts["mode"] = options.quick ? "quick" : "full";
   facts["precision"] = fmt::format("{}", options.precision);
+  for (const PlannedCell& cell : plan.cells) facts.merge(own_facts(*cell.workload));
   if (!options.filter.empty()) facts["filter"] = options.filter;
   if (!options.command.empty()) facts["command"] = options.command;
   return facts;

@@ -40,10 +40,14 @@ struct CampaignOptions {
   std::filesystem::path database;
   std::string command;  ///< That measures the same again, but for the database; empty = none does.
   Platform platform;
-  std::vector<std::string> units;     ///< Empty = all measured units of the platform.
-  std::string filter;                 ///< A NameFilter of workload names; empty = all.
+  std::vector<std::string> units;  ///< Empty = all measured units of the platform.
+  /// Files of workloads that are not pirt's, absolute, which have been made known
+  /// (learn_workloads).
+  std::vector<std::string> own;
+  std::string filter;                 ///< As choose_workloads has it; so are the next three.
   std::vector<std::string> variants;  ///< Measured beside the plain workloads (catalog.h).
   std::optional<int> batch;  ///< AlexNet's rows are measured with this many images a call as well.
+  std::vector<std::string> sizes;
   std::optional<std::filesystem::path>
       images;  ///< For images_from; absent = generated from the seed.
   std::uint64_t seed = 1;

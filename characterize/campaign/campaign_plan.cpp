@@ -123,7 +123,8 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
     throw_bad_input(fmt::format("--precision {} is not between 0 and 1 (or 0 % and 100 %); try 2%",
                                 options.precision));
   }
-  const auto workloads = choose_workloads(options.filter, options.variants, options.batch);
+  const auto workloads =
+      choose_workloads(options.filter, options.variants, options.batch, options.sizes);
   const auto units = choose_units(options.platform, options.units);
   for (const UnitModel* unit : units) {
     // A malformed request is the user's slip, also where its device is only reached in a worker.

@@ -89,6 +89,8 @@ std::string stored_plan(const CampaignOptions& options, const CampaignPlan& plan
                {"platform", options.platform_argument},
                {"settings", options.settings},
                {"units", options.units},
+               {"own", options.own},
+               {"sizes", options.sizes},
                {"filter", options.filter},
                {"variants", options.variants},
                {"seed", std::to_string(options.seed)},
@@ -122,6 +124,8 @@ CampaignOptions resume_options(const std::filesystem::path& database) {
     options.platform = load_platform(options.platform_argument, parse_overrides(options.settings));
     options.units = json.at("units").get<std::vector<std::string>>();
     options.filter = json.at("filter").get<std::string>();
+    options.own = json.value("own", Json::array()).get<std::vector<std::string>>();
+    options.sizes = json.value("sizes", Json::array()).get<std::vector<std::string>>();
     options.variants = json.value("variants", std::vector<std::string>{});
     if (json.contains("batch")) options.batch = json.at("batch").get<int>();
     options.seed = run->run.seed;

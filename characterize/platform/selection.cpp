@@ -10,6 +10,9 @@
 #include "workloads/base/text/numbers.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/catalog/own_list.h"
+#include "workloads/model/own_operation.h"
+#include "workloads/own/definition.h"
 
 namespace pirt {
 namespace {
@@ -41,7 +44,32 @@ std::vector<const Workload*> asked_for(const std::vector<std::string>& in_varian
   return all;
 }
 
-/// Variants and batches that the filter itself may name.
+/// "1280x720" of "sobel@1280x720".
+std::vector<std::string> named_sizes(const std::string& filter) {
+  std::vector<std::string> sizes;
+  const auto is_of_size = [](char c) { return (c >= '0' && c <= '9') || c == 'x'; };
+  for (auto at = filter.find('@'); at != std::string::npos; at = filter.find('@', at + 1)) {
+    auto begin = filter.begin() + static_cast<std::ptrdiff_t>(at) + 1;
+    begin = std::find_if_not(begin, filter.end(), [](char c) { return c == '('; });
+    const std::string size(begin, std::find_if_not(begin, filter.end(), is_of_size));
+    if (own::size_from(size)) sizes.push_back(size);
+  }
+  return sizes;
+}
+
+/// Those that are made for sizes, at these.
+std::vector<const Workload*> at_sizes(const std::vector<std::string>& sizes) {
+  std::vector<const Workload*> all;
+  const auto add = [&](const Workload& plain) {
+    if (!plain.at_size) return;
+    for (const std::string& size : sizes) all.push_back(&find_workload(plain.name + "@" + size));
+  };
+  for (const Workload& workload : catalog()) add(workload);
+  for (const Workload* workload : own_workloads()) add(*workload);
+  return all;
+}
+
+/// Variants, batches and sizes that the filter itself may name.
 std::vector<const Workload*> nameable(const std::string& filter) {
   if (filter.find('@') == std::string::npos) return {};
   std::vector<std::string> names;
@@ -50,6 +78,7 @@ std::vector<const Workload*> nameable(const std::string& filter) {
   for (const int size : named_batches(filter)) {
     for (const Workload& workload : workloads_in_batch(size)) all.push_back(&workload);
   }
+  for (const Workload* workload : at_sizes(named_sizes(filter))) all.push_back(workload);
   return all;
 }
 
@@ -57,16 +86,27 @@ std::vector<const Workload*> nameable(const std::string& filter) {
 
 std::vector<const Workload*> choose_workloads(const std::string& filter,
                                               const std::vector<std::string>& in_variants,
-                                              std::optional<int> batch) {
+                                              std::optional<int> batch,
+                                              const std::vector<std::string>& sizes) {
   std::vector<const Workload*> chosen;
   const auto choose = [&](const Workload* workload) {
     if (std::ranges::find(chosen, workload) == chosen.end()) chosen.push_back(workload);
   };
   const NameFilter wanted(filter);
+  const auto own = own_workloads();
+  // Who brings some and names none wants those.
+  const bool own_alone = filter.empty() && !own.empty();
   for (const Workload& workload : catalog()) {
-    if (wanted.picks(workload.name)) choose(&workload);
+    if (!own_alone && wanted.picks(workload.name)) choose(&workload);
   }
-  for (const Workload* workload : asked_for(in_variants, batch)) {
+  for (const Workload* workload : own) {
+    if (wanted.picks(workload->name)) choose(workload);
+  }
+  auto others = asked_for(in_variants, batch);
+  for (const Workload* workload : at_sizes(sizes)) {
+    if (!own_alone || own_operation(*workload) != nullptr) others.push_back(workload);
+  }
+  for (const Workload* workload : others) {
     const std::string plain = workload->name.substr(0, workload->name.find('@'));
     if (wanted.picks(workload->name) || wanted.picks(plain)) choose(workload);
   }

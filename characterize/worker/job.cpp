@@ -11,7 +11,7 @@
 namespace pirt {
 namespace {
 
-constexpr int kProtocol = 5;
+constexpr int kProtocol = 6;
 constexpr std::string_view kRecordPrefix = "pirt-record ";
 constexpr std::string_view kProgress = "pirt-progress ";
 
@@ -230,6 +230,7 @@ JobResult decode_result(const Json& j) {
   }
   result.metered = decode_metered(j.value("metered", Json()));
   for (const auto& peak : j.at("peaks")) result.peaks.push_back(decode_peak(peak));
+  result.definitions = j.value("definitions", "");
   return result;
 }
 
@@ -309,6 +310,7 @@ std::string to_json(const Job& job) {
                   {"backend", job.backend},
                   {"unit", unit},
                   {"workload", job.workload},
+                  {"own", job.own},
                   {"seed", job.seed},
                   {"images", job.images},
                   {"reference", job.reference},
@@ -331,7 +333,7 @@ Job job_from_json(const std::string& text) {
     }
     Job job;
     const int kind = j.at("kind");
-    if (kind < 0 || kind > static_cast<int>(JobKind::kPeaks)) {
+    if (kind < 0 || kind > static_cast<int>(JobKind::kDescribe)) {
       throw_bad_input(fmt::format("unknown kind of job {}", kind));
     }
     job.kind = static_cast<JobKind>(kind);
@@ -340,6 +342,7 @@ Job job_from_json(const std::string& text) {
     job.unit = {unit.at("unit"), unit.at("cores").get<std::vector<int>>(), unit.at("device"),
                 unit.at("script"), unit.at("options").get<std::map<std::string, double>>()};
     job.workload = j.at("workload");
+    job.own = j.at("own");
     job.seed = j.at("seed");
     job.images = j.at("images");
     job.reference = j.at("reference");
@@ -369,6 +372,7 @@ std::string to_record(const JobResult& r) {
   Json peaks = Json::array();
   for (const PeakFigure& peak : r.peaks) peaks.push_back(encode(peak));
   const Json j = {{"done", r.done},
+                  {"definitions", r.definitions},
                   {"step", r.step},
                   {"error", r.error},
                   {"device", r.device ? encode(*r.device) : Json()},

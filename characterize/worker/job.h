@@ -28,13 +28,17 @@ enum class JobKind : std::uint8_t {
   kSample,     ///< The same, then verify, time calls, verify.
   kMeter,      ///< The same, with energy meters around the calls in place of the clock.
   kPeaks,      ///< Measure the unit's limits.
+  kDescribe,   ///< What workloads has the file `own`?
 };
 
 struct Job {
   JobKind kind = JobKind::kProbe;
   std::string backend;
   UnitRequest unit;
-  std::string workload;  ///< Not for kProbe and kPeaks.
+  std::string workload;  ///< Not for kProbe, kPeaks and kDescribe.
+  /// The file of somebody else's that has it (workloads/own/own.h), which is loaded before anything
+  /// else is done; empty = it is pirt's.
+  std::string own;
   std::uint64_t seed = 1;
   std::string images;     ///< Path for images_from; empty = generated.
   std::string reference;  ///< File that kReference writes and kSample reads.
@@ -84,6 +88,7 @@ struct JobResult {
   std::vector<ConditionSamples> conditions;
   std::optional<MeteredCalls> metered;
   std::vector<PeakFigure> peaks;
+  std::string definitions;  ///< Of kDescribe: a list of own::to_json.
 
   /// Of a phase other than the call.
   [[nodiscard]] Accounting accounting(Phase phase) const;

@@ -9,6 +9,9 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/catalog/own_list.h"
+#include "workloads/model/own_operation.h"
+#include "workloads/own/definition.h"
 
 namespace pirt {
 namespace {
@@ -38,6 +41,14 @@ Nanos limit_of(const Job& job, Nanos limit) {
   return workload == nullptr ? limit : limit * workload->batch;
 }
 
+/// With the file that its workload comes from.
+Job with_file(Job job) {
+  if (const Workload* const workload = try_find_workload(job.workload)) {
+    if (const OwnOperation* const own = own_operation(*workload)) job.own = own->source;
+  }
+  return job;
+}
+
 }  // namespace
 
 std::optional<JobResult> JobRunner::run(
@@ -46,7 +57,7 @@ std::optional<JobResult> JobRunner::run(
   ProcessRequest request;
   request.program = program_;
   request.arguments = {"worker"};
-  request.input = to_json(job);
+  request.input = to_json(with_file(job));
   request.environment = environment;
   request.limit = limit_of(job, limit_);
   request.stop = stop_;
@@ -62,6 +73,25 @@ std::optional<JobResult> JobRunner::run(
   JobResult result = last_record(process.output);
   result.error = result.done ? "" : with_cause(failure(process, result, request.limit));
   return result;
+}
+
+void learn_workloads(const JobRunner& runner, const std::filesystem::path& file) {
+  Job job;
+  job.kind = JobKind::kDescribe;
+  job.backend = "cpu";
+  job.own = std::filesystem::absolute(file).lexically_normal().string();
+  const auto result = runner.run(job);
+  if (!result) throw_environment("interrupted while reading " + file.string());
+  if (!result->error.empty()) throw_bad_input(file.string() + ": " + result->error);
+  std::vector<Workload> workloads;
+  try {
+    for (const Json& each : parse_json(result->definitions)) {
+      workloads.push_back(own::to_workload(own::definition_from(each)));
+    }
+  } catch (const JsonError& error) {
+    throw_bad_input(file.string() + ": " + error.what());
+  }
+  make_known(std::move(workloads));
 }
 
 JobResult probe_unit(const JobRunner& runner, const Platform& platform, const UnitModel& unit,

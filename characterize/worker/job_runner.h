@@ -46,6 +46,11 @@ class JobRunner {
   std::function<bool()> over_;
 };
 
+/// Makes known what workloads are in a module or a workload file, which a process of its own loads:
+/// here they are specs, which compute nothing.
+/// @throws Error{kBadInput} with what that process says of the file; as probe_unit.
+void learn_workloads(const JobRunner& runner, const std::filesystem::path& file);
+
 /// Opens the unit's device, in a process of its own: which it is, or the error.
 /// @throws Error{kEnvironment} if stopped, or as JobRunner::run.
 [[nodiscard]] JobResult probe_unit(

@@ -25,10 +25,13 @@
 #include "workloads/base/system/caches.h"
 #include "workloads/base/text/json.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/catalog/own_list.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/model/player.h"
 #include "workloads/model/remote.h"
 #include "workloads/model/tensor_file.h"
+#include "workloads/own/guarded_memory.h"
+#include "workloads/own/own.h"
 
 namespace pirt {
 namespace {
@@ -105,7 +108,10 @@ class Worker {
         backend_(find_backend(job.backend)) {}
 
   void run() {
+    if (!job_.own.empty()) load_own();
     switch (job_.kind) {
+      case JobKind::kDescribe:
+        break;
       case JobKind::kProbe:
         probe();
         break;
@@ -159,6 +165,19 @@ class Worker {
     result_.provenance = device->provenance();
   }
 
+  /// What the workload's file has; what it says goes to standard error, as a library's words do.
+  void load_own() {
+    begin("loading " + job_.own);
+    Json definitions = Json::array();
+    std::vector<Workload> workloads;
+    for (const own::Definition& each : own::load(job_.own)) {
+      definitions.push_back(own::to_json(each));
+      workloads.push_back(own::to_workload(each));
+    }
+    make_known(std::move(workloads));
+    if (job_.kind == JobKind::kDescribe) result_.definitions = json_text(definitions);
+  }
+
   void peaks() {
     begin("opening the device");
     const auto device = backend_.open(job_.unit);
@@ -187,8 +206,33 @@ class Worker {
     if (!job_.inputs.empty() && size_bytes(data) <= kMostKept) {
       write_data(job_.inputs, data, initial_);
     }
-    begin("computing the reference");
-    write_reference(job_.reference, reference_of(workload, data));
+    if (has_reference(workload)) {
+      begin("computing the reference");
+      write_reference(job_.reference, reference_of(workload, data));
+    } else {
+      begin("computing what others are compared with");
+      write_reference(job_.reference, computed_here(workload, data));
+    }
+  }
+
+  static bool has_reference(const Workload& workload) {
+    return workload.reference || workload.step;
+  }
+
+  /// What this unit makes of the data.
+  std::vector<std::vector<Tensor>> computed_here(const Workload& workload,
+                                                 const std::vector<Data>& data) {
+    device_ = backend_.open(job_.unit);
+    player_.emplace(device_->prepare(workload, data.front().parameters), workload, data,
+                    std::move(initial_), &guarded_);
+    player_->scribble();
+    player_->complete();
+    std::vector<std::vector<Tensor>> outputs;
+    for (const PlayedFrame& frame :
+         player_->played(std::vector<std::vector<Tensor>>(data.size()))) {
+      outputs.push_back(own::widened(frame.outputs));
+    }
+    return outputs;
   }
 
   void set_up() {
@@ -215,8 +259,11 @@ class Worker {
     const Clock& clock = is_own(Phase::kPrepare) ? *device_->own_clock() : machine_;
     const Nanos begun = clock.now();
     const auto memory = device_->output_memory();
+    TensorMemory* const outputs =
+        memory == nullptr && own_operation(workload) != nullptr ? &guarded_ : memory.get();
     player_.emplace(device_->prepare(workload, data_.front().parameters), workload, data_,
-                    std::move(initial_), memory.get());
+                    std::move(initial_), outputs);
+    if (!has_reference(workload)) result_.notes.emplace_back("unverified");
     if (memory != nullptr) result_.notes.emplace_back("pinned_outputs");
     const Nanos beside = first_call();
     if (extra) {
@@ -298,6 +345,7 @@ class Worker {
     const Workload& workload = find_workload(job_.workload);
     player_->complete();
     show_life(0);
+    guarded_.check();
     const Verdict verdict = verify_sequence(workload, player_->played(expected_));
     result_.verification = fmt::format("{}: {}", when, verdict.detail);
     result_.wrong_output = !verdict.ok;
@@ -374,6 +422,9 @@ class Worker {
     result_.during_calls = interference_since(before);
     sample_beside(Condition::kBesideMemory, Neighbour::Work::kStreams);
     sample_beside(Condition::kBesideCompute, Neighbour::Work::kComputes);
+    for (std::string& remark : player_->kernel().remarks()) {
+      result_.notes.push_back(std::move(remark));
+    }
     if (!job_.reference.empty()) verify("after timing");
   }
 
@@ -473,6 +524,7 @@ class Worker {
   std::vector<Data> data_;                     ///< Of each frame of the sequence.
   std::vector<Tensor> initial_;                ///< The state before them, until it is played.
   std::vector<std::vector<Tensor>> expected_;  ///< The same.
+  own::GuardedMemory guarded_;  ///< Of the outputs of what somebody else computes on the host.
   std::unique_ptr<Device> device_;
   std::optional<Player> player_;  // goes before its device
 };

@@ -180,6 +180,7 @@ class Runtime::Engine {
 
   /// Since the start.
   [[nodiscard]] Nanos now() const { return clock_.now() - began_; }
+  [[nodiscard]] std::string name_of_rows(const Workload& made) const;
   void list_workloads();
   void list_states();
   void take_first_inputs();

@@ -119,17 +119,36 @@ Runtime::Engine::Engine(RuntimeOptions options)
   if (anything_to_tell_) wake_watcher();
 }
 
+/// Of the rows that a workload of the caller's takes: those of its size, where pictures have one.
+std::string Runtime::Engine::name_of_rows(const Workload& made) const {
+  const Workload* const plain = try_find_workload(made.name);
+  const bool same = plain == nullptr || !plain->at_size ||
+                    (plain->inputs == made.inputs && plain->outputs == made.outputs);
+  if (same || made.inputs.empty() || made.inputs.front().shape.size() < 2) return made.name;
+  const auto& shape = made.inputs.front().shape;
+  const std::string name = fmt::format("{}@{}x{}", plain->name.substr(0, plain->name.find('@')),
+                                       shape.back(), shape.end()[-2]);
+  const auto has_rows = std::ranges::any_of(
+      options_.profile->phases, [&name](const PhaseRow& row) { return row.workload == name; });
+  if (has_rows) return name;
+  throw_bad_input(fmt::format(
+      "profile {} has no rows of {} in this size, and those of another do not tell its time; "
+      "measure it: pirt characterize --platform {} --filter {} --db {}",
+      options_.profile->path, plain->name, options_.platform.name, name, options_.profile->path));
+}
+
 void Runtime::Engine::list_workloads() {
-  const auto add = [this](const Workload& workload, const OwnWorkload* own) {
-    if (!names_.emplace(workload.name, workloads_.size()).second) {
-      throw_bad_input("workload '" + workload.name + "' is given twice");
+  const auto add = [this](const Workload& workload, const OwnWorkload* own,
+                          const std::string& name) {
+    if (!names_.emplace(name, workloads_.size()).second) {
+      throw_bad_input("workload '" + name + "' is given twice");
     }
     workloads_.push_back({.workload = &workload,
                           .own = own,
                           .takes_image = std::ranges::any_of(workload.inputs, is_picture)});
     workloads_.back().runs_on = units_of(workloads_.back());
   };
-  for (const std::string& name : options_.workloads) add(find_workload(name), nullptr);
+  for (const std::string& name : options_.workloads) add(find_workload(name), nullptr, name);
   for (Workload& made : options_.made) {
     if (options_.profile && !try_find_spec(made.name)) {
       throw_bad_input(
@@ -137,7 +156,9 @@ void Runtime::Engine::list_workloads() {
           "' is none of the catalogue's, so that the profile has no rows of it; give it "
           "the name of the one whose rows it shall have");
     }
-    add(own_->emplace_back(std::move(made)), nullptr);
+    const std::string name = made.name;
+    if (options_.profile) made.name = name_of_rows(made);
+    add(own_->emplace_back(std::move(made)), nullptr, name);
   }
   for (const OwnWorkload& own : options_.own) {
     if (own.kernels.empty()) throw_bad_input("workload '" + own.name + "' has no kernel");
@@ -145,7 +166,7 @@ void Runtime::Engine::list_workloads() {
     workload.name = own.name;
     workload.inputs = own.inputs;
     workload.outputs = own.outputs;
-    add(workload, &own);
+    add(workload, &own, own.name);
   }
   if (workloads_.empty()) throw_bad_input("a runtime needs workloads: name them in its options");
 }

@@ -1,10 +1,14 @@
 #include "scheduler/runtime/runtime.h"
 
+#include <filesystem>
 #include <stdexcept>
 #include <utility>
 
+#include "characterize/profile/own_rows.h"
 #include "scheduler/runtime/engine.h"
 #include "workloads/base/error.h"
+#include "workloads/catalog/own_list.h"
+#include "workloads/own/own.h"
 
 namespace pirt {
 
@@ -62,7 +66,20 @@ std::string TaskFuture::problem() const { return end() ? task_->problem : ""; }
 
 std::stop_token stop_of_this_call() { return KernelUnit::stop_of_this_call(); }
 
-Runtime::Runtime(RuntimeOptions options) : engine_(std::make_unique<Engine>(std::move(options))) {}
+Runtime::Runtime(RuntimeOptions options) {
+  for (const std::string& file : options.files) {
+    std::vector<Workload> workloads;
+    std::string digest;
+    for (const own::Definition& each : own::load(file)) {
+      workloads.push_back(own::to_workload(each));
+      digest = each.digest;
+    }
+    make_known(std::move(workloads));
+    const auto path = std::filesystem::absolute(file).lexically_normal().string();
+    if (options.profile) static_cast<void>(doubt_changed(*options.profile, path, digest));
+  }
+  engine_ = std::make_unique<Engine>(std::move(options));
+}
 Runtime::~Runtime() = default;
 
 TaskFuture Runtime::submit(WorkloadHandle workload, std::vector<TaskInput> inputs,

@@ -183,12 +183,16 @@ struct RuntimeOptions {
   /// Measured on the platform. Absent = all units count as equally fast; with one, a unit serves
   /// what it has a usable row of.
   std::optional<Profile> profile = {};
-  bool strict = false;                      ///< Rows that are doubted are not used.
-  std::string mode = "ect";                 ///< Any that plans nothing ahead (pirt list modes).
-  std::vector<std::string> workloads = {};  ///< Of the catalogue, that will be submitted.
-  /// Of the catalogue's kinds, made for sizes of one's own (vision::make_sobel(1280, 720)). Those
-  /// whose state has the same name share it, and take turns; the first one's beginning counts. A
-  /// profile's rows are found by their names, whatever the sizes that were measured.
+  bool strict = false;       ///< Rows that are doubted are not used.
+  std::string mode = "ect";  ///< Any that plans nothing ahead (pirt list modes).
+  /// Modules and workload files of one's own (workloads/own), loaded before anything else.
+  std::vector<std::string> files = {};
+  /// Of the catalogue or the files, that will be submitted; also for sizes of one's own
+  /// ("sobel@1280x720").
+  std::vector<std::string> workloads = {};
+  /// Of the catalogue's kinds, made otherwise. Those whose state has the same name share it, and
+  /// take turns; the first one's beginning counts. A profile's rows are found by their names: of a
+  /// workload on pictures of another size than the name's, by that size's (sobel@1280x720).
   std::vector<Workload> made = {};
   std::vector<OwnWorkload> own = {};
   bool prepare_first = true;  ///< Else each kernel is prepared when its first task runs.

@@ -82,6 +82,7 @@ TEST(SourceTree, RoomsIncludeThoseBeforeThem) {
        "workloads/planning",
        "workloads/mapping",
        "workloads/recognition",
+       "workloads/own",
        "workloads/backends/cpu",
        "workloads/backends/opencl/tuning",
        "workloads/backends/opencl/device",

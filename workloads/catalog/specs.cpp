@@ -7,6 +7,7 @@
 #include "workloads/dnn/dnn.h"
 #include "workloads/mapping/specs.h"
 #include "workloads/model/host_function.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/planning/specs.h"
 #include "workloads/recognition/specs.h"
 #include "workloads/slam/workload/specs.h"
@@ -28,6 +29,7 @@ const WorkloadList& all_specs() {
 }
 
 std::vector<double> slices_of(const Workload& workload) {
+  if (const OwnOperation* const own = own_operation(workload)) return own->slices;
   const auto* function = dynamic_cast<const HostFunction*>(workload.operation.get());
   return function != nullptr ? function->slices : dnn::slices_of(workload);
 }
@@ -59,6 +61,7 @@ bool is_foreign(std::string_view name) {
 WorkloadSpec find_spec(const std::string& name) {
   static const std::vector<TensorSpec> no_tensors;
   static const std::optional<StateSpec> no_state;
+  if (const Workload* const known = all_specs().try_find(name)) return spec_of(*known);
   if (is_foreign(name)) {
     return {.name = name,
             .inputs = no_tensors,

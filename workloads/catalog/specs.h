@@ -31,10 +31,12 @@ struct WorkloadSpec {
 [[nodiscard]] std::vector<std::string> workload_names();
 /// Of the catalog, a variant or a batch; absent if there is none of that name.
 [[nodiscard]] std::optional<WorkloadSpec> try_find_spec(std::string_view name);
-/// Whether @p name is of something that others computed, "ncnn.alexnet": nobody here knows what it
-/// takes and makes. Names of the catalog have no '.'.
+/// Whether @p name is of something that is not pirt's, "ncnn.alexnet", "mine.sobel": what it takes
+/// and makes is known here once somebody has said so (own_list.h). Names of the catalog have no
+/// '.'.
 [[nodiscard]] bool is_foreign(std::string_view name);
-/// As try_find_spec, or that of a foreign workload, which has neither inputs nor outputs.
+/// As try_find_spec, or that of a foreign workload of which nothing is known, which has neither
+/// inputs nor outputs.
 /// @throws Error{kBadInput} with the nearest names.
 [[nodiscard]] WorkloadSpec find_spec(const std::string& name);
 WorkloadSpec find_spec(std::string&& name) = delete;

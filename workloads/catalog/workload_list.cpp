@@ -8,7 +8,9 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
+#include "workloads/catalog/own_list.h"
 #include "workloads/dnn/dnn.h"
+#include "workloads/own/definition.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt {
@@ -113,9 +115,28 @@ std::span<const Workload> WorkloadList::in_batch(int batch) const {
   return made.workloads;
 }
 
+const Workload* WorkloadList::at_size(const Workload& plain, std::string_view text) const {
+  const auto size = own::size_from(text);
+  if (!size || !plain.at_size) return nullptr;
+  const std::lock_guard lock(sizes_mutex_);
+  auto& made = sizes_[{&plain, std::string(text)}];
+  if (made == nullptr) {
+    made = std::make_unique<Workload>(plain.at_size(size->width, size->height));
+    made->name = plain.name + "@" + own::to_string(*size);
+    made->tags = plain.tags;
+  }
+  return made.get();
+}
+
 const Workload* WorkloadList::try_find(std::string_view name) const {
   if (const auto* plain = find_in(plain_, name)) return plain;
-  if (name.find('@') == std::string_view::npos) return nullptr;
+  if (const auto* own = try_find_own(name)) return own;
+  const auto at = name.find('@');
+  if (at == std::string_view::npos) return nullptr;
+  const Workload* plain = find_in(plain_, name.substr(0, at));
+  if (plain == nullptr) plain = try_find_own(name.substr(0, at));
+  if (plain == nullptr) return nullptr;
+  if (const Workload* const sized = at_size(*plain, name.substr(at + 1))) return sized;
   for (const auto& variant : in_variants()) {
     if (const auto* found = find_in(variant, name)) return found;
   }
@@ -125,6 +146,12 @@ const Workload* WorkloadList::try_find(std::string_view name) const {
 
 const Workload& WorkloadList::find(std::string_view name) const {
   if (const auto* found = try_find(name)) return *found;
+  const auto at = name.find('@');
+  const Workload* const plain = try_find(name.substr(0, at));
+  if (at != std::string_view::npos && plain != nullptr && own::size_from(name.substr(at + 1))) {
+    throw_bad_input("workload '" + plain->name + "' has no other sizes: '" + std::string(name) +
+                    "'; `pirt list workloads` shows those that have");
+  }
   throw_bad_input("there is no workload '" + std::string(name) + "'" + suggestion(name, names()) +
                   "; `pirt list workloads` shows all");
 }
@@ -132,6 +159,7 @@ const Workload& WorkloadList::find(std::string_view name) const {
 std::vector<std::string> WorkloadList::names() const {
   std::vector<std::string> names;
   for (const Workload& workload : plain_) names.push_back(workload.name);
+  for (const Workload* own : own_workloads()) names.push_back(own->name);
   return names;
 }
 

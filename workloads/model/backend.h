@@ -117,6 +117,9 @@ class Kernel {
     static_cast<void>(phase);
     return std::nullopt;
   }
+  /// What is to be known of the calls so far beside their time, a line each, for the notes of a
+  /// row.
+  [[nodiscard]] virtual std::vector<std::string> remarks() const { return {}; }
   /// Device to host; complete on return. Outputs that vary get their rows, here or in execute. With
   /// a state its next value comes as well.
   virtual void download() {}

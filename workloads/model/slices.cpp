@@ -6,6 +6,7 @@ namespace pirt {
 namespace {
 
 thread_local SliceListener* listener_here = nullptr;
+thread_local const std::stop_source* stop_here = nullptr;
 
 }  // namespace
 
@@ -19,5 +20,11 @@ void between_slices() {
 }
 
 bool are_slices_heard() { return listener_here != nullptr; }
+
+void tell_stop_of_call(const std::stop_source* stop) { stop_here = stop; }
+
+std::stop_token stop_of_call() {
+  return stop_here != nullptr ? stop_here->get_token() : std::stop_token();
+}
 
 }  // namespace pirt

@@ -3,6 +3,8 @@
 // that its bits do not depend on that.
 #pragma once
 
+#include <stop_token>
+
 namespace pirt {
 
 class SliceListener {
@@ -31,5 +33,11 @@ class HearsSlices {
 void between_slices();
 /// Whether somebody hears of that.
 [[nodiscard]] bool are_slices_heard();
+
+/// What says, from now on, that the result of the call that this thread computes is wanted no more.
+/// @param stop  Lives until the next one is told; null = nothing does.
+void tell_stop_of_call(const std::stop_source* stop);
+/// For kernels. A token that never stops where nothing says so.
+[[nodiscard]] std::stop_token stop_of_call();
 
 }  // namespace pirt

@@ -80,7 +80,7 @@ std::string TensorSpec::describe() const {
 Tensor::Tensor(TensorSpec spec, TensorMemory* memory)
     : spec_(std::move(spec)), rows_(spec_.shape.empty() ? 1 : spec_.shape.front()) {
   const auto bytes = static_cast<std::size_t>(spec_.size_bytes());
-  if (memory != nullptr) data_ = memory->take(whole_lines(bytes));
+  if (memory != nullptr) data_ = memory->take(bytes);
   if (data_ == nullptr) {
     const std::align_val_t alignment = alignment_of(bytes);
     data_.reset(static_cast<std::byte*>(::operator new[](whole_lines(bytes), alignment)),

@@ -64,8 +64,8 @@ struct TensorSpec {
 class TensorMemory {
  public:
   virtual ~TensorMemory() = default;
-  /// Aligned to a page; whoever lets go of it last gives it back, also after this is gone. Null
-  /// where there is no more: the heap has some.
+  /// Whole cache lines, mostly aligned to a page; whoever lets go of it last gives it back, also
+  /// after this is gone. Null where there is no more: the heap has some.
   [[nodiscard]] virtual std::shared_ptr<std::byte> take(std::size_t size_bytes) = 0;
   /// Whether it is memory of this.
   [[nodiscard]] virtual bool holds(const std::byte* data) const = 0;

@@ -120,6 +120,10 @@ struct Workload {
   /// Whether it is measured by playing a sequence; the others repeat one call.
   [[nodiscard]] bool is_played() const { return frames > 1 || state.has_value(); }
 
+  /// The same for pictures of another size, where it is made for them; its name stays. Empty where
+  /// it is not. @throws Error{kBadInput} for a size that it cannot have.
+  std::function<Workload(int width, int height)> at_size = {};
+
   /// Inputs and parameters, a pure function of the request; non-constant, every page touched.
   std::function<Data(const DataRequest&)> make_data;
   /// The definition: plain double precision or exact integers, written for clarity. Integer outputs

@@ -210,6 +210,15 @@ Model::Model(const ModelOptions& options) : file_(options.model.string()) {
                               format_of(options).name));
 }
 
+std::unique_ptr<Network> open_network(const fs::path& model,
+                                      const std::optional<fs::path>& config) {
+  const Format& format = format_of({.model = model, .config = config, .config_option = "config"});
+  return open_network({.format = format.format,
+                       .model = read_file(model, kMostModelBytes),
+                       .config = config ? read_text(*config) : ""},
+                      fmt::format("'{}' as a model of {}", model.string(), format.name));
+}
+
 std::uint64_t fingerprint(const ModelOptions& options) {
   const ReadModel read = read_model(options);
   Hash64 hash;
@@ -264,7 +273,8 @@ std::vector<float> network_input(const Tensor& image, int width, int height, Fit
 std::vector<NetworkOutput> Model::run(const Tensor& image, Fit fit) {
   const auto input = network_input(image, width_, height_, fit, preprocess_);
   std::string error;
-  auto outputs = network_->run(input, width_, height_, error);
+  const std::array shape = {1, 3, height_, width_};
+  auto outputs = network_->run(input, shape, 0, error);
   if (!error.empty()) {
     throw_bad_input(
         fmt::format("the model '{}' does not run on {}x{} pixels: {}; is that its size, "

@@ -60,6 +60,12 @@ struct ModelOptions {
 /// open.
 [[nodiscard]] std::uint64_t fingerprint(const ModelOptions& options);
 
+/// The network of these files, as it is.
+/// @param config  Darknet's .cfg, Caffe's .prototxt; none for ONNX.
+/// @throws Error as Model.
+[[nodiscard]] std::unique_ptr<Network> open_network(
+    const std::filesystem::path& model, const std::optional<std::filesystem::path>& config);
+
 /// What a network of that size is given for a picture: f32 [3, height, width].
 /// @param image  u8 [3, height, width], order R, G, B, of any size.
 /// @throws Error{kBadInput} for an image of another element type or shape.

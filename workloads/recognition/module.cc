@@ -39,6 +39,27 @@ class SilentErrors {
   static inline logging::LogLevel before_ = logging::LOG_LEVEL_INFO;
 };
 
+/// OpenCV's threads, of which the process has one pool: those of one call at a time.
+class Threads {
+ public:
+  explicit Threads(int count) : before_(count > 0 ? cv::getNumThreads() : 0) {
+    if (before_ == 0) return;
+    in_use_.lock();
+    cv::setNumThreads(count);
+  }
+  Threads(const Threads&) = delete;
+  Threads& operator=(const Threads&) = delete;
+  ~Threads() {
+    if (before_ == 0) return;
+    cv::setNumThreads(before_);
+    in_use_.unlock();
+  }
+
+ private:
+  static inline std::mutex in_use_;
+  int before_;
+};
+
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
 
 class OpenCvNetwork : public Network {
@@ -48,13 +69,14 @@ class OpenCvNetwork : public Network {
     net_.setPreferableBackend(cv::dnn::DNN_BACKEND_OPENCV);
   }
 
-  std::vector<NetworkOutput> run(std::span<const float> input, int width, int height,
-                                 std::string& error) override {
+  std::vector<NetworkOutput> run(std::span<const float> input, std::span<const int> shape,
+                                 int threads, std::string& error) override {
     const SilentErrors silent;
+    const Threads pool(threads);
     try {
       // OpenCV has no view of constant memory; it only reads.
-      const std::vector<int> shape = {1, 3, height, width};
-      net_.setInput(cv::Mat(shape, CV_32F, const_cast<float*>(input.data())));
+      net_.setInput(cv::Mat(std::vector<int>(shape.begin(), shape.end()), CV_32F,
+                            const_cast<float*>(input.data())));
       std::vector<cv::Mat> results;
       net_.forward(results, outputs_);
       std::vector<NetworkOutput> outputs;

@@ -14,6 +14,7 @@ std::vector<Workload> all() {
   std::vector<Workload> all;
   for (const Entry& entry : entries()) {
     all.push_back(entry.make(entry.width, entry.height));
+    all.back().at_size = entry.make;
     if (entry.in_table1) all.back().tags.insert(all.back().tags.begin(), "table1");
   }
   return all;

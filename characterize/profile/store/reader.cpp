@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "characterize/machine/environment.h"
+#include "characterize/profile/own_rows.h"
 #include "characterize/profile/store/database_file.h"
 #include "characterize/profile/store/database_format.h"
 #include "characterize/profile/store/sqlite.h"
@@ -388,6 +389,7 @@ Profile ProfileReader::read(std::string_view platform, RunRange runs) const {
   }
   for (const RunInfo& run : profile.runs) read_means(*connection_, run.run_id, profile);
   sort_rows(profile);
+  learn_workloads(profile);
   return profile;
 }
 

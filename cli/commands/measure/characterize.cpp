@@ -20,6 +20,7 @@
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/own.h"
 #include "cli/options/shipped.h"
 #include "cli/options/sysfs.h"
 #include "cli/options/values.h"
@@ -34,6 +35,7 @@
 #include "workloads/base/text/text.h"
 #include "workloads/base/time.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/own/definition.h"
 
 namespace pirt::cli {
 namespace {
@@ -44,8 +46,10 @@ struct CharacterizeFlags {
   std::string mix = "full-robot";
   std::vector<std::string> settings;
   std::vector<std::string> units;
+  OwnFiles own;
   std::string filter;
   std::vector<std::string> variants;
+  std::vector<std::string> sizes;
   std::optional<int> batch;
   std::optional<std::string> images;
   std::string precision = "2%";
@@ -115,7 +119,9 @@ std::string command_of(const CharacterizeFlags& options) {
   for (const std::string& setting : options.settings) add("--set", in_shell(setting));
   add_list("--units", options.units);
   if (!options.filter.empty()) add("--filter", in_shell(options.filter));
+  for (const std::string& file : options.own.files) add("--workloads", place(file));
   add_list("--variants", options.variants);
+  add_list("--sizes", options.sizes);
   if (options.batch) add("--batch", std::to_string(*options.batch));
   if (options.images) add("--images", place(*options.images));
   if (options.mix != CharacterizeFlags{}.mix) {
@@ -136,9 +142,12 @@ CampaignOptions campaign_options(const CharacterizeFlags& options) {
       campaign.max_time = parse_duration(*options.max_time);
       campaign.precision_time.reset();
     }
+    learn(campaign.own);
     return campaign;
   }
   CampaignOptions campaign;
+  campaign.own = options.own.all(options.mix);
+  learn(campaign.own);
   campaign.command = command_of(options);
   campaign.mix = options.mix;
   campaign.first = needed_by(load_mix(options.mix));
@@ -151,6 +160,7 @@ CampaignOptions campaign_options(const CharacterizeFlags& options) {
   campaign.units = options.units;
   campaign.filter = options.filter;
   campaign.variants = options.variants;
+  campaign.sizes = options.sizes;
   campaign.batch = options.batch;
   if (options.images) campaign.images = *options.images;
   campaign.seed = options.seed;
@@ -536,11 +546,18 @@ void add_characterize(CLI::App& app, Action& action) {
   add_list_of(command, "--units", options->units, "UNIT",
               "Units to measure, with commas (default: all)")
       .offers(offer_units());
+  add_workloads(command, options->own);
   add_filter(command, options->filter);
   add_list_of(command, "--variants", options->variants, "VARIANT",
               "Measure these variants of workloads as well, with commas: see `pirt list "
               "workloads` (default: those that --filter names, as in 'sobel@map')")
       .offers(offer_variants());
+  add_list_of(command, "--sizes", options->sizes, "WIDTHxHEIGHT",
+              "Measure workloads on pictures in these sizes as well, with commas, in rows such as "
+              "sobel@1280x720 (default: those that --filter names)")
+      .check({[](const std::string& text) {
+        return own::size_from(text) ? std::string() : "'" + text + "' is no size, such as 1280x720";
+      }});
   add_value(command, "--batch", &options->batch, "INTEGER",
             not_within(kSmallestBatch, kLargestBatch),
             "Measure AlexNet's layers and the chain with this many images a call as well, "
@@ -579,8 +596,8 @@ void add_characterize(CLI::App& app, Action& action) {
       "--resume", options->resume,
       "Go on with the newest run of --db that did not end, with the options it was started with");
   for (const auto* name :
-       {"--platform", "--set", "--mix", "--units", "--filter", "--variants", "--batch", "--images",
-        "--precision", "--seed", "--quick", "--interference"}) {
+       {"--platform", "--set", "--mix", "--units", "--workloads", "--filter", "--variants",
+        "--sizes", "--batch", "--images", "--precision", "--seed", "--quick", "--interference"}) {
     resume.excludes(command.option(name));
   }
   add_json(command, options->json);

@@ -12,6 +12,7 @@
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/own.h"
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "workloads/base/error.h"
@@ -24,6 +25,7 @@ namespace {
 
 struct SampleFlags {
   std::string workload, unit;
+  OwnFiles own;
   std::string platform = "host";
   std::uint64_t seed = 1;
   std::string work = "50ms";
@@ -52,6 +54,7 @@ Sample sample_scheduler(const SampleRequest& request) {
 }
 
 int sample(const SampleFlags& options) {
+  load(options.own.all());
   SampleRequest request;
   request.cell = {options.workload, options.unit};
   request.seed = options.seed;
@@ -81,6 +84,7 @@ void add_sample(CLI::App& app, Action& action) {
             "A name of `pirt list platforms`, or a YAML file", FileUse::kReadIfFile)
       .offers(offer_platforms())
       .shows_default();
+  add_workloads(command, options->own);
   add_seed(command, options->seed, "Seed of inputs and weights");
   add_value(command, "--work", &options->work, "DURATION", no_duration,
             "How long calls are repeated")

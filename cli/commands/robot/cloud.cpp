@@ -12,12 +12,14 @@
 #include "cli/options/files.h"
 #include "cli/options/models.h"
 #include "cli/options/output.h"
+#include "cli/options/own.h"
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "workloads/backends/nats/service/cloud_service.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/catalog/own_list.h"
 #include "workloads/recognition/scene_workload.h"
 #include "workloads/recognition/specs.h"
 
@@ -25,6 +27,7 @@ namespace pirt::cli {
 namespace {
 
 struct CloudFlags {
+  OwnFiles own;
   cloud::ConnectionOptions connection;
   std::string name;
   std::string unit = "cpu";
@@ -56,6 +59,7 @@ void add_connection(Command& command, cloud::ConnectionOptions& connection) {
 }
 
 void add_computing(Command& command, CloudFlags& options) {
+  add_workloads(command, options.own);
   add_text(command, "--units", &options.unit, "UNIT",
            "What computes: a backend of `pirt list backends`")
       .offers(offer_backends())
@@ -91,6 +95,7 @@ std::string default_name() {
 std::vector<const Workload*> known_on(const Backend& backend, const std::optional<Workload>& own) {
   std::vector<const Workload*> known;
   for (const Workload& each : catalog()) known.push_back(&each);
+  for (const Workload* each : own_workloads()) known.push_back(each);
   for (const Variant& variant : variants()) {
     for (const Workload* each : workloads_in_variant(variant.name)) known.push_back(each);
   }
@@ -106,6 +111,9 @@ std::vector<const Workload*> known_on(const Backend& backend, const std::optiona
 std::vector<std::string> slot_arguments(const CloudFlags& options) {
   std::vector<std::string> arguments = {"cloud-slot", "--units", options.unit, "--cache-mb",
                                         std::to_string(options.cache_mb)};
+  for (const std::string& file : options.own.all()) {
+    arguments.insert(arguments.end(), {"--workloads", file});
+  }
   for (const auto& more :
        {options.model.arguments(""), options.classifier.arguments("classifier")}) {
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -115,6 +123,7 @@ std::vector<std::string> slot_arguments(const CloudFlags& options) {
 
 /// A process of a worker's: what it computes may crash.
 int work_in_slot(const CloudFlags& options) {
+  load(options.own.all());
   const Backend& backend = find_backend(options.unit);
   const auto bytes = static_cast<std::uint64_t>(options.cache_mb) << 20;
   const auto computer = cloud::make_device_computer(
@@ -125,6 +134,7 @@ int work_in_slot(const CloudFlags& options) {
 }
 
 int work(const CloudFlags& options) {
+  learn(options.own.all());
   const Backend& backend = find_backend(options.unit);
   if (const Probe probe = backend.probe(); !probe.available) throw_environment(probe.reason);
   cloud::WorkerOptions worker{

@@ -16,6 +16,7 @@
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/own.h"
 #include "cli/options/profile_platform.h"
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
@@ -47,6 +48,7 @@ struct ScheduleFlags {
   std::optional<std::string> platform;
   std::vector<std::string> settings;
   std::string mix = "full-robot";
+  OwnFiles own;
   std::optional<std::string> duration;
   std::optional<std::string> weights;
   std::optional<int> in_flight;
@@ -143,7 +145,8 @@ struct Inputs {
 
 Inputs read_inputs(const ScheduleFlags& options) {
   Inputs inputs;
-  inputs.mix = load_mix(options.mix);  // First, since it costs nothing to mend.
+  const auto own = options.own.all(options.mix);
+  if (options.live) load(own);
   if (!options.profile && !options.platform) {
     throw_bad_input(
         "give --profile FILE (from pirt characterize), or --platform with a modelled one (pirt "
@@ -157,6 +160,8 @@ Inputs read_inputs(const ScheduleFlags& options) {
   auto read = read_platform(options.platform, options.profile, overrides);
   inputs.platform = std::move(read.platform);
   inputs.profile = std::move(read.profile);
+  if (inputs.profile) doubt_rows(*inputs.profile, own);
+  inputs.mix = load_mix(options.mix);  // The profile says what workloads of its own it has.
   if (inputs.profile && find_draw(options.draw) == Draw::kSamples) {
     ProfileReader(*options.profile).read_samples(*inputs.profile);
   }
@@ -327,6 +332,7 @@ void add_schedule(CLI::App& app, Action& action) {
             FileUse::kReadIfFile)
       .offers(offer_mixes())
       .shows_default();
+  add_workloads(command, options->own);
   add_value(command, "--duration", &options->duration, "DURATION", no_duration,
             "Time in which pipelines with a rate fire, e.g. 60s (the default) or 2min");
   add_value(command, "--weights", &options->weights, "UNIT=WEIGHT,...", no_weights,

@@ -9,6 +9,7 @@
 #include "cli/commands.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/own.h"
 #include "cli/options/shipped.h"
 #include "cli/options/sysfs.h"
 #include "cli/options/values.h"
@@ -21,6 +22,7 @@
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/catalog/own_list.h"
 #include "workloads/model/device_choice.h"
 
 namespace pirt::cli {
@@ -29,6 +31,7 @@ namespace {
 struct ListFlags {
   std::string what;
   std::optional<std::string> platform;  ///< Of units; absent = host.
+  OwnFiles own;                         ///< Of workloads.
   Output json;
 };
 
@@ -88,7 +91,12 @@ Listing list_workloads() {
                           {"state", Align::kLeft}},
               .footnotes = {"<=500: a list, whose length varies from call to call."}};
   Json rows = Json::array();
-  for (const auto& workload : catalog()) {
+  std::vector<const Workload*> all;
+  for (const Workload& workload : catalog()) all.push_back(&workload);
+  const auto own = own_workloads();
+  all.insert(all.end(), own.begin(), own.end());
+  for (const Workload* each : all) {
+    const Workload& workload = *each;
     ports.rows.push_back({workload.name, shapes(workload.inputs),
                           parameters_text(workload.parameters), shapes(workload.outputs),
                           state_text(workload)});
@@ -108,12 +116,18 @@ Listing list_workloads() {
                       {"tensors", tensors(workload.state->tensors)}};
     }
     if (workload.ops) row["ops"] = *workload.ops;
+    if (workload.at_size) row["sized"] = true;
     rows.push_back(std::move(row));
   }
   table.footnotes.push_back(fmt::format(
       "Batches @batch{} to @batch{}, of AlexNet's workloads: so many images a call, the weights "
       "read once",
       kSmallestBatch, kLargestBatch));
+  std::vector<std::string> sized;
+  for (const Workload* each : all) {
+    if (each->at_size) sized.push_back(each->name);
+  }
+  table.footnotes.push_back("Sizes @WIDTHxHEIGHT, as in sobel@1280x720, of " + join(sized, ", "));
   Json others = Json::array();
   for (const Variant& variant : variants()) {
     const auto workloads = workloads_in_variant(variant.name);
@@ -371,6 +385,11 @@ Listing list(const ListFlags& options) {
     throw_bad_input("--platform says whose units are listed, and " + options.what +
                     " are none; leave it out");
   }
+  if (!options.own.files.empty() && options.what != "workloads") {
+    throw_bad_input("--workloads brings workloads, and " + options.what +
+                    " are none; leave it out");
+  }
+  learn(options.own.all());
   if (options.what == "workloads") return list_workloads();
   if (options.what == "backends") return list_backends();
   if (options.what == "units") return list_units(options.platform.value_or("host"));
@@ -397,6 +416,7 @@ void add_list(CLI::App& app, Action& action) {
   add_input(command, "--platform", &options->platform,
             "Platform whose units are listed (default: host)", FileUse::kReadIfFile)
       .offers(offer_platforms());
+  add_workloads(command, options->own);
   add_json(command, options->json);
   command.footer("Example: pirt list workloads");
   command.runs(action, [options] {

@@ -17,6 +17,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/system/caches.h"
+#include "workloads/model/own_operation.h"
 
 namespace pirt {
 namespace {
@@ -66,6 +67,7 @@ Support support_of(const Workload& workload) {
   if (workload.variant == "map") {
     return {false, "backend cpu computes on the host's tensors where they are: nothing to map"};
   }
+  if (const OwnOperation* const own = own_operation(workload)) return own->support_by("cpu");
   if (find_kernel(workload.kernel) != nullptr) {
     const std::string missing = cpu::missing_precision(workload);
     return {missing.empty(), missing};
@@ -104,6 +106,8 @@ class GuardedKernel : public Kernel {
   void bind_state(std::span<const Tensor> current, std::span<Tensor> next) override {
     kernel_->bind_state(current, next);
   }
+
+  std::vector<std::string> remarks() const override { return kernel_->remarks(); }
 
   std::optional<Nanos> execute(int repeats) override {
     cpu::set_openmp_threads(threads_);

@@ -23,6 +23,7 @@ PinnedMemory::~PinnedMemory() {
 }
 
 std::shared_ptr<std::byte> PinnedPool::take(std::size_t size_bytes) {
+  size_bytes = (size_bytes + Tensor::kAlignment - 1) / Tensor::kAlignment * Tensor::kAlignment;
   std::unique_ptr<PinnedMemory> memory;
   {
     const std::lock_guard lock(mutex_);

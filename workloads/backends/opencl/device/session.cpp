@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <stdexcept>
 
 #include "opencl_files.h"
@@ -46,31 +47,16 @@ std::string with_includes(std::string_view source) {
   return text;
 }
 
-}  // namespace
-
-bool is_lost(const DeviceSession& session) {
-  try {
-    const cl::Buffer word(session.context, CL_MEM_READ_WRITE, sizeof(cl_uint));
-    session.queue.enqueueFillBuffer(word, cl_uint{0}, 0, sizeof(cl_uint));
-    session.queue.finish();
-    return false;
-  } catch (const cl::Error&) {
-    return true;
-  }
-}
-
-cl::Program build_program(const DeviceSession& session, std::string_view name,
-                          std::string_view source, const std::string& definitions) {
+/// Builds it once a session.
+cl::Program build(const DeviceSession& session, std::string_view name, const std::string& source,
+                  const std::string& further) {
   // -w: PoCL would print "12 warnings generated." to stderr, all of them about the ABI of wide
   // vectors in functions that are inlined anyway.
-  const std::string options = "-cl-std=CL1.2 -w" +
-                              definitions_of(for_vectors(session.tuning, session.lanes), name) +
-                              definitions;
+  const std::string options = "-cl-std=CL1.2 -w" + further;
   const std::lock_guard lock(session.programs->mutex);
-  const auto [entry, is_new] =
-      session.programs->built.try_emplace(options + '\n' + std::string(source));
+  const auto [entry, is_new] = session.programs->built.try_emplace(options + '\n' + source);
   if (!is_new && entry->second() != nullptr) return entry->second;
-  cl::Program program(session.context, with_includes(source), false);
+  cl::Program program(session.context, source, false);
   try {
     program.build(session.device, options.c_str());
   } catch (const cl::BuildError& error) {
@@ -87,6 +73,31 @@ cl::Program build_program(const DeviceSession& session, std::string_view name,
     throw_translated(fmt::format("building {}", name), error);
   }
   return entry->second = program;
+}
+
+}  // namespace
+
+bool is_lost(const DeviceSession& session) {
+  try {
+    const cl::Buffer word(session.context, CL_MEM_READ_WRITE, sizeof(cl_uint));
+    session.queue.enqueueFillBuffer(word, cl_uint{0}, 0, sizeof(cl_uint));
+    session.queue.finish();
+    return false;
+  } catch (const cl::Error&) {
+    return true;
+  }
+}
+
+cl::Program build_program(const DeviceSession& session, std::string_view name,
+                          std::string_view source, const std::string& definitions) {
+  return build(session, name, with_includes(source),
+               definitions_of(for_vectors(session.tuning, session.lanes), name) + definitions);
+}
+
+cl::Program build_own_program(const DeviceSession& session, const std::string& file,
+                              const std::string& source, const std::string& options) {
+  const std::string folder = std::filesystem::path(file).parent_path().string();
+  return build(session, file, source, " -I\"" + folder + "\"" + options);
 }
 
 }  // namespace pirt::opencl

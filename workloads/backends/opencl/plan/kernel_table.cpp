@@ -10,11 +10,12 @@
 #include "workloads/backends/opencl/plan/plan_kernel.h"
 #include "workloads/base/text/text.h"
 #include "workloads/dnn/dnn.h"
+#include "workloads/model/own_operation.h"
 
 namespace pirt::opencl {
 namespace {
 
-constexpr std::array kFamilies = {vision_kernels, dnn_kernels};
+constexpr std::array kFamilies = {vision_kernels, dnn_kernels, own_kernels};
 
 const OpenclKernelEntry* try_find_kernel(std::string_view kernel) {
   for (const auto family : kFamilies) {
@@ -58,6 +59,7 @@ Support support_of(const Workload& workload) {
             .reason = fmt::format("opencl has no kernel \"{}\"; it has {}", workload.kernel,
                                   join(known, ", "))};
   }
+  if (const OwnOperation* const own = own_operation(workload)) return own->support_by("opencl");
   if (const auto* chain = dynamic_cast<const dnn::Sequence*>(workload.operation.get())) {
     for (const Workload& layer : chain->layers) {
       const OpenclKernelEntry* part = try_find_kernel(layer.kernel);

@@ -44,6 +44,7 @@ struct OpenclKernelEntry {
 // The families, each in its own file.
 [[nodiscard]] std::span<const OpenclKernelEntry> vision_kernels();
 [[nodiscard]] std::span<const OpenclKernelEntry> dnn_kernels();
+[[nodiscard]] std::span<const OpenclKernelEntry> own_kernels();
 
 void append_undistort(PlanBuilder& builder, const Workload& workload,
                       std::span<const Tensor> parameters, std::span<const DeviceTensor> inputs,

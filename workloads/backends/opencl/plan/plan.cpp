@@ -14,6 +14,26 @@ namespace {
 
 std::size_t to_size(std::int64_t value) { return static_cast<std::size_t>(value); }
 
+void set_number(cl::Kernel& kernel, cl_uint index, const OpenclArgument& argument) {
+  switch (argument.element) {
+    case Element::kU8:
+      kernel.setArg(index, static_cast<cl_uchar>(argument.value));
+      return;
+    case Element::kI16:
+      kernel.setArg(index, static_cast<cl_short>(argument.value));
+      return;
+    case Element::kI32:
+      kernel.setArg(index, static_cast<cl_int>(argument.value));
+      return;
+    case Element::kF32:
+      kernel.setArg(index, static_cast<cl_float>(argument.value));
+      return;
+    case Element::kF64:
+      kernel.setArg(index, static_cast<cl_double>(argument.value));
+      return;
+  }
+}
+
 /// The work items of a group of @p kernel: PlanBuilder::group_items.
 std::size_t fitting(const DeviceSession& session, const cl::Kernel& kernel, LocalNeed need) {
   const cl::Device& device = session.device;
@@ -174,6 +194,51 @@ std::size_t PlanBuilder::group_items(const Source& source, const char* kernel, L
   return fitting(session_, cl::Kernel(program(source), kernel), need);
 }
 
+void PlanBuilder::own_step(
+    const OpenclSource& source,
+    const std::function<const DeviceTensor*(const std::string& name)>& tensor) {
+  const cl::Program program = build_own_program(session_, source.file, source.text, source.options);
+  const auto fail = [&source](const std::string& why) {
+    throw_bad_input(fmt::format("{}: kernel '{}' {}", source.file, source.kernel, why));
+  };
+  cl::Kernel kernel;
+  try {
+    kernel = cl::Kernel(program, source.kernel.c_str());
+  } catch (const cl::Error&) {
+    fail("is not in it");
+  }
+  if (const auto count = kernel.getInfo<CL_KERNEL_NUM_ARGS>(); count != source.arguments.size()) {
+    fail(fmt::format("takes {} arguments, and {} are given", count, source.arguments.size()));
+  }
+  for (cl_uint i = 0; i < source.arguments.size(); ++i) {
+    const OpenclArgument& argument = source.arguments[i];
+    if (argument.tensor.empty()) {
+      set_number(kernel, i, argument);
+      continue;
+    }
+    const DeviceTensor* const resident = tensor(argument.tensor);
+    if (resident == nullptr) fail("has an argument of no tensor: '" + argument.tensor + "'");
+    set(kernel, i, *resident);
+  }
+  const auto range = [](const std::array<std::int64_t, 3>& extents) {
+    const auto at = [&extents](std::size_t i) {
+      return to_size(std::max<std::int64_t>(extents[i], 1));
+    };
+    return cl::NDRange(at(0), at(1), at(2));
+  };
+  const bool chosen = std::ranges::any_of(source.local, [](auto extent) { return extent > 0; });
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto local = std::max<std::int64_t>(source.local[i], 1);
+    if (std::max<std::int64_t>(source.global[i], 1) % local != 0) {
+      fail(fmt::format("has a global size of {} that is no multiple of the local {}",
+                       source.global[i], local));
+    }
+  }
+  steps_.push_back({.kernel = std::move(kernel),
+                    .global = range(source.global),
+                    .local = chosen ? range(source.local) : cl::NDRange()});
+}
+
 void PlanBuilder::append(cl::Kernel kernel, const char* name, Extent extent) {
   const std::size_t local = extent.group ? *extent.group : fitting(session_, kernel, {});
   if (local == 0) {
@@ -189,6 +254,11 @@ void PlanBuilder::append(cl::Kernel kernel, const char* name, Extent extent) {
 
 void enqueue(const DeviceSession& session, const Plan& plan, Launches& launches) {
   for (const Launch& step : plan.steps) {
+    if (step.enqueues) {
+      step.enqueues();
+      session.queue.enqueueMarkerWithWaitList(nullptr, launches.next());
+      continue;
+    }
     session.queue.enqueueNDRangeKernel(step.kernel, cl::NullRange, step.global, step.local, nullptr,
                                        launches.next());
   }

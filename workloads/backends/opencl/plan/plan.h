@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -10,6 +11,7 @@
 
 #include "workloads/backends/opencl/device/session.h"
 #include "workloads/backends/opencl/plan/launch_times.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/model/tensor.h"
 
 namespace pirt::opencl {
@@ -37,9 +39,10 @@ struct DeviceTensor {
 
 /// One launch with its arguments set.
 struct Launch {
-  cl::Kernel kernel;
-  cl::NDRange global;
-  cl::NDRange local;
+  cl::Kernel kernel = {};
+  cl::NDRange global = {};
+  cl::NDRange local = {};
+  std::function<void()> enqueues = {};  ///< In place of the kernel: somebody else's commands.
 };
 
 /// An argument: memory that the items of a work group share. Launches with such name their group.
@@ -145,6 +148,17 @@ class PlanBuilder {
     cl_uint index = 0;
     (set(built, index++, arguments), ...);
     append(std::move(built), kernel, extent);
+  }
+
+  /// The same of somebody else's source.
+  /// @param tensor  The resident of that name; null if there is none.
+  /// @throws Error{kEnvironment} if it does not build; Error{kBadInput} if its kernel takes other
+  /// arguments.
+  void own_step(const OpenclSource& source,
+                const std::function<const DeviceTensor*(const std::string& name)>& tensor);
+  /// Appends what somebody else's function enqueues, without its buffers changing places.
+  void own_step(std::function<void()> enqueues) {
+    steps_.push_back({.enqueues = std::move(enqueues)});
   }
 
   /// The plan of all steps so far; the builder is empty afterwards.

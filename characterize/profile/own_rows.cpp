@@ -1,0 +1,79 @@
+#include "characterize/profile/own_rows.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <set>
+#include <vector>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text/json.h"
+#include "workloads/base/text/text.h"
+#include "workloads/catalog/own_list.h"
+#include "workloads/own/definition.h"
+
+namespace pirt {
+namespace {
+
+constexpr std::string_view kPrefix = "workload.";
+
+own::Definition definition_of(const RunInfo& run, const std::string& key, const std::string& text) {
+  try {
+    return own::definition_from(parse_json(text));
+  } catch (const std::exception& error) {  // JsonError, Error
+    throw_bad_input(fmt::format("run {}: '{}' says of no workload what it is: {}", run.run_id, key,
+                                error.what()));
+  }
+}
+
+/// Calls @p use(definition) for those that the run says.
+template <typename Use>
+void for_each_definition(const RunInfo& run, const Use& use) {
+  for (auto fact = run.environment.lower_bound(std::string(kPrefix));
+       fact != run.environment.end() && fact->first.starts_with(kPrefix); ++fact) {
+    use(definition_of(run, fact->first, fact->second));
+  }
+}
+
+}  // namespace
+
+std::map<std::string, std::string> own_facts(const Workload& workload) {
+  const OwnOperation* const own = own_operation(workload);
+  if (own == nullptr) return {};
+  const std::string name = workload.name.substr(0, workload.name.find('@'));
+  return {{std::string(kPrefix) + name, own->definition}};
+}
+
+void learn_workloads(const Profile& profile) {
+  for (const RunInfo& run : profile.runs) {
+    for_each_definition(run, [](const own::Definition& definition) {
+      if (try_find_own(definition.name) != nullptr) return;
+      std::vector<Workload> one;
+      one.push_back(own::to_workload(definition));
+      make_known(std::move(one));
+    });
+  }
+}
+
+std::string doubt_changed(Profile& profile, const std::string& file, const std::string& digest) {
+  std::set<std::string> names;
+  for (const RunInfo& run : profile.runs) {
+    std::set<std::string> changed;
+    for_each_definition(run, [&](const own::Definition& definition) {
+      if (definition.source == file && definition.digest != digest) changed.insert(definition.name);
+    });
+    for (auto* rows : {&profile.phases, &profile.conditions}) {
+      for (PhaseRow& row : *rows) {
+        const std::string name = row.workload.substr(0, row.workload.find('@'));
+        if (row.run_id != run.run_id || !changed.contains(name)) continue;
+        if (std::ranges::find(row.doubts, kChanged) == row.doubts.end()) {
+          row.doubts.emplace_back(kChanged);
+        }
+        names.insert(row.workload);
+      }
+    }
+  }
+  return join(std::vector(names.begin(), names.end()), ", ");
+}
+
+}  // namespace pirt

@@ -1,0 +1,28 @@
+// Rows of workloads that are not pirt's: a run keeps what they are, so that who schedules with its
+// profile needs no code of theirs.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "characterize/profile/profile.h"
+#include "workloads/model/workload.h"
+
+namespace pirt {
+
+/// The fact of a run that says what @p workload is; none for pirt's own.
+[[nodiscard]] std::map<std::string, std::string> own_facts(const Workload& workload);
+
+/// Makes known (catalog/own_list.h) what the profile's runs say of workloads, the newest first;
+/// what this process knows already stays.
+/// @throws Error{kBadInput} naming the run whose fact is none.
+void learn_workloads(const Profile& profile);
+
+/// A doubt of rows: their code was built anew since they were measured.
+inline constexpr const char* kChanged = "changed";
+
+/// Doubts the rows of workloads that come from @p file if that has another digest now.
+/// @return  The workloads, with commas; empty = it is what was measured.
+std::string doubt_changed(Profile& profile, const std::string& file, const std::string& digest);
+
+}  // namespace pirt

@@ -1,0 +1,67 @@
+#include "cli/options/own.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+
+#include "characterize/platform/platform.h"
+#include "characterize/profile/own_rows.h"
+#include "characterize/worker/job_runner.h"
+#include "cli/long_run.h"
+#include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "workloads/base/error.h"
+#include "workloads/catalog/own_list.h"
+#include "workloads/own/own.h"
+
+namespace pirt::cli {
+
+namespace fs = std::filesystem;
+
+std::vector<std::string> OwnFiles::all(const std::string& mix) const {
+  std::vector<std::string> all;
+  const auto add = [&all](const fs::path& file) {
+    const std::string path = fs::absolute(file).lexically_normal().string();
+    if (std::ranges::find(all, path) == all.end()) all.push_back(path);
+  };
+  for (const std::string& file : files) add(file);
+  if (!mix.empty() && names_a_file(mix)) {
+    const fs::path beside = fs::absolute(mix).parent_path() / "pirt.workloads";
+    if (fs::exists(beside)) add(beside);
+  }
+  return all;
+}
+
+void add_workloads(Command& command, OwnFiles& own) {
+  add_input(command, "--workloads", &own.files,
+            "Workloads of your own: a module (a shared library) or a workload file (YAML); may be "
+            "repeated; `pirt.workloads` beside a mix is taken by itself")
+      .one_at_a_time();
+}
+
+void learn(const std::vector<std::string>& files) {
+  constexpr Nanos kLimit = std::chrono::seconds(120);
+  const JobRunner runner("/proc/self/exe", kLimit, nullptr);
+  for (const std::string& file : files) learn_workloads(runner, file);
+}
+
+void load(const std::vector<std::string>& files) {
+  for (const std::string& file : files) {
+    std::vector<Workload> workloads;
+    for (const own::Definition& each : own::load(file)) workloads.push_back(own::to_workload(each));
+    make_known(std::move(workloads));
+  }
+}
+
+void doubt_rows(Profile& profile, const std::vector<std::string>& files) {
+  for (const std::string& file : files) {
+    const std::string changed = doubt_changed(profile, file, own::digest_of(file));
+    if (changed.empty()) continue;
+    warn(
+        fmt::format("{} is not what was measured: the rows of {} are uncertain; measure them "
+                    "again with pirt characterize --workloads {}",
+                    file, changed, file));
+  }
+}
+
+}  // namespace pirt::cli

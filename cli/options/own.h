@@ -1,0 +1,32 @@
+// Workloads that are not pirt's: --workloads, and `pirt.workloads` beside a mix.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "characterize/profile/profile.h"
+#include "cli/options/command.h"
+
+namespace pirt::cli {
+
+struct OwnFiles {
+  std::vector<std::string> files;  ///< As they were given.
+
+  /// Absolute, with `pirt.workloads` beside @p mix, if that is a file and there is one.
+  [[nodiscard]] std::vector<std::string> all(const std::string& mix = "") const;
+};
+
+/// --workloads
+void add_workloads(Command& command, OwnFiles& own);
+
+/// Makes known what the files have, as specs that compute nothing: a process of its own loads them.
+/// @throws Error{kBadInput} naming the file.
+void learn(const std::vector<std::string>& files);
+/// Loads them into this process, which can compute them from then on.
+/// @throws Error as own::load.
+void load(const std::vector<std::string>& files);
+/// Warns of rows whose files are not what they were, which are doubted from then on.
+void doubt_rows(Profile& profile, const std::vector<std::string>& files);
+
+}  // namespace pirt::cli

@@ -1,0 +1,50 @@
+#include "workloads/catalog/own_list.h"
+
+#include <algorithm>
+#include <deque>
+#include <mutex>
+
+namespace pirt {
+namespace {
+
+struct OwnList {
+  std::mutex mutex;
+  std::deque<Workload> all;            ///< Never fewer: whoever has found one keeps it.
+  std::vector<const Workload*> found;  ///< The last of each name.
+};
+
+OwnList& own_list() {
+  static auto& list = *new OwnList;  // Never destroyed, as in catalog.cpp.
+  return list;
+}
+
+}  // namespace
+
+void make_known(std::vector<Workload> workloads) {
+  OwnList& list = own_list();
+  const std::lock_guard lock(list.mutex);
+  for (Workload& each : workloads) {
+    const Workload* const made = &list.all.emplace_back(std::move(each));
+    const auto before = std::ranges::find(list.found, made->name, &Workload::name);
+    if (before != list.found.end()) {
+      *before = made;
+    } else {
+      list.found.push_back(made);
+    }
+  }
+}
+
+const Workload* try_find_own(std::string_view name) {
+  OwnList& list = own_list();
+  const std::lock_guard lock(list.mutex);
+  const auto found = std::ranges::find(list.found, name, &Workload::name);
+  return found == list.found.end() ? nullptr : *found;
+}
+
+std::vector<const Workload*> own_workloads() {
+  OwnList& list = own_list();
+  const std::lock_guard lock(list.mutex);
+  return list.found;
+}
+
+}  // namespace pirt

@@ -1,0 +1,462 @@
+#include "workloads/own/definition.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <limits>
+#include <set>
+#include <utility>
+
+#include "workloads/base/error.h"
+#include "workloads/base/math/random.h"
+#include "workloads/base/text/numbers.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt::own {
+namespace {
+
+constexpr int kMostExtent = 65'536;
+constexpr std::int64_t kMostRow = std::int64_t{1} << 31;
+/// Of a tensor: more is a slip of the pen.
+constexpr std::int64_t kMostBytes = std::int64_t{1} << 32;
+constexpr std::size_t kMostTensors = 64, kMostDims = 6;
+constexpr double kFloatTolerance = 1e-4;
+constexpr int kFormat = 1;
+
+struct Symbol {
+  std::string_view name;
+  std::int64_t value;
+};
+constexpr std::array kSymbols = {Symbol{"width", kWidth}, Symbol{"height", kHeight}};
+constexpr std::array kElements = {Element::kU8, Element::kI16, Element::kI32, Element::kF32,
+                                  Element::kF64};
+
+bool is_sized(const TensorSpec& spec) {
+  return std::ranges::any_of(spec.shape, [](std::int64_t extent) { return extent < 0; });
+}
+
+bool is_sized(const Definition& definition) {
+  const auto any = [](const std::vector<TensorSpec>& specs) {
+    return std::ranges::any_of(specs, [](const TensorSpec& spec) { return is_sized(spec); });
+  };
+  return any(definition.inputs) || any(definition.outputs) || any(definition.parameters) ||
+         any(definition.state);
+}
+
+TensorSpec at(TensorSpec spec, Size size) {
+  for (std::int64_t& extent : spec.shape) {
+    if (extent == kWidth) extent = size.width;
+    if (extent == kHeight) extent = size.height;
+  }
+  return spec;
+}
+
+std::vector<TensorSpec> at(std::vector<TensorSpec> specs, Size size) {
+  for (TensorSpec& spec : specs) spec = at(std::move(spec), size);
+  return specs;
+}
+
+bool is_integer(Element element) { return element != Element::kF32 && element != Element::kF64; }
+
+/// Calls @p use with the elements as they are.
+template <typename Of, typename Use>
+void with_elements(Of& tensor, const Use& use) {
+  switch (tensor.spec().element) {
+    case Element::kU8:
+      return use(tensor.template as<std::uint8_t>());
+    case Element::kI16:
+      return use(tensor.template as<std::int16_t>());
+    case Element::kI32:
+      return use(tensor.template as<std::int32_t>());
+    case Element::kF32:
+      return use(tensor.template as<float>());
+    case Element::kF64:
+      return use(tensor.template as<double>());
+  }
+}
+
+/// In f64.
+Tensor wide(const Tensor& tensor) {
+  TensorSpec spec = tensor.spec();
+  spec.element = Element::kF64;
+  Tensor made(std::move(spec));
+  if (made.spec().varies) made.set_rows(tensor.rows());
+  with_elements(tensor, [&](auto elements) {
+    std::ranges::copy(elements.first(static_cast<std::size_t>(tensor.used_count())),
+                      made.as<double>().begin());
+  });
+  return made;
+}
+
+/// Numbers within the range of the tensor, a pure function of the seed.
+void fill_numbers(Tensor& tensor, std::uint64_t seed) {
+  const TensorSpec& spec = tensor.spec();
+  double low = 0;
+  double high = 1;
+  if (spec.element == Element::kU8) high = 255;
+  if (spec.element == Element::kI16 || spec.element == Element::kI32) low = -100, high = 100;
+  if (!spec.ranges.empty()) low = spec.ranges.front().low, high = spec.ranges.front().high;
+  Random random(seed);
+  with_elements(tensor, [&](auto elements) {
+    for (auto& each : elements) {
+      const double value = random.uniform(low, high);
+      each = static_cast<std::remove_reference_t<decltype(each)>>(
+          is_integer(spec.element) ? std::nearbyint(value) : value);
+    }
+  });
+}
+
+/// A picture where it can be one, else numbers.
+void fill(Tensor& tensor, const DataRequest& request, int picture,
+          std::vector<std::string>& notes) {
+  const TensorSpec& spec = tensor.spec();
+  const auto extent = [&spec](std::size_t axis) { return static_cast<int>(spec.shape[axis]); };
+  const bool is_image = spec.element == Element::kU8 && !spec.varies && spec.ranges.empty();
+  std::optional<Picture> taken;
+  if (is_image && spec.shape.size() == 2) {
+    taken = request.images->gray_frame(picture, request.frame, extent(1), extent(0));
+  } else if (is_image && spec.shape.size() == 3 && spec.shape[0] == 3) {
+    taken = request.images->rgb(picture + request.frame, extent(2), extent(1));
+  }
+  if (!taken) {
+    fill_numbers(tensor, hash_u64(derive_seed(request.seed, spec.name),
+                                  static_cast<std::uint64_t>(request.frame)));
+    return;
+  }
+  std::ranges::copy(taken->pixels.as<std::uint8_t>(), tensor.as<std::uint8_t>().begin());
+  for (std::string& note : taken->notes) {
+    if (std::ranges::find(notes, note) == notes.end()) notes.push_back(std::move(note));
+  }
+}
+
+Data make_data(const DataRequest& request, const std::vector<TensorSpec>& inputs,
+               const std::vector<TensorSpec>& parameters, const Functions& functions) {
+  Data data{.inputs = make_tensors(inputs), .parameters = make_tensors(parameters), .notes = {}};
+  if (functions.make_inputs) {
+    functions.make_inputs(request, data.inputs, data.parameters);
+    return data;
+  }
+  for (Tensor& input : data.inputs) fill(input, request, picture_index(request.seed), data.notes);
+  for (Tensor& parameter : data.parameters) {
+    fill_numbers(parameter, derive_seed(request.seed, parameter.spec().name));
+  }
+  return data;
+}
+
+Verdict verify(std::span<const Tensor> outputs, std::span<const Tensor> expected,
+               double tolerance) {
+  if (outputs.size() != expected.size()) return verify_exact(outputs, expected);
+  Verdict worst{.ok = true, .worst_error = -1, .detail = "no output"};
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    const bool exact = is_integer(outputs[i].spec().element) && tolerance == 0;
+    Verdict verdict;
+    if (exact) {
+      verdict = verify_exact(outputs.subspan(i, 1), expected.subspan(i, 1));
+    } else {
+      std::vector<Tensor> output, other;
+      output.push_back(wide(outputs[i]));
+      other.push_back(wide(expected[i]));
+      verdict = verify_close(tolerance == 0 ? kFloatTolerance : tolerance)(output, other);
+    }
+    if (!verdict.ok) return verdict;
+    if (verdict.worst_error > worst.worst_error) worst = verdict;
+  }
+  return worst;
+}
+
+/// What is wrong with the name; empty = nothing.
+std::string name_problem(const std::string& name) {
+  const auto is_good = [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.';
+  };
+  if (name.size() > 100 || !std::ranges::all_of(name, is_good)) {
+    return "may have letters, digits, '_', '-' and '.', 100 at most";
+  }
+  const auto dot = name.find('.');
+  const bool inside = dot != std::string::npos && dot > 0 && name.back() != '.';
+  return inside ? "" : "needs a dot, as in mine.sobel: names without one are pirt's";
+}
+
+void check_tensor(const TensorSpec& spec, Size largest, const std::string& where) {
+  const auto fail = [&](const std::string& why) {
+    throw_bad_input(fmt::format("{}: tensor '{}' {}", where, spec.name, why));
+  };
+  if (spec.name.empty() || spec.name.find(' ') != std::string::npos) {
+    fail("needs a name without a blank");
+  }
+  if (spec.shape.empty() || spec.shape.size() > kMostDims) {
+    fail(fmt::format("has {} dimensions; 1 to {} are possible", spec.shape.size(), kMostDims));
+  }
+  double bytes = static_cast<double>(size_bytes(spec.element));
+  for (const std::int64_t extent : at(spec, largest).shape) {
+    if (extent < 1 || extent > kMostRow) fail(fmt::format("has an extent of {}", extent));
+    bytes *= static_cast<double>(extent);
+  }
+  if (bytes > static_cast<double>(kMostBytes)) {
+    fail(fmt::format("has {:.3g} bytes; {} are the most", bytes, kMostBytes));
+  }
+  for (const Range& range : spec.ranges) {
+    if (!(range.low <= range.high) || !std::isfinite(range.low) || !std::isfinite(range.high)) {
+      fail("has a range that is none");
+    }
+  }
+}
+
+Json tensors_json(const std::vector<TensorSpec>& specs) {
+  Json all = Json::array();
+  for (const TensorSpec& spec : specs) {
+    Json each = {{"name", spec.name}, {"tensor", tensor_text(spec)}};
+    if (!spec.ranges.empty()) {
+      each["range"] = Json::array({spec.ranges.front().low, spec.ranges.front().high});
+    }
+    all.push_back(std::move(each));
+  }
+  return all;
+}
+
+std::vector<TensorSpec> tensors_from(const Json& json) {
+  std::vector<TensorSpec> specs;
+  for (const Json& each : json) {
+    specs.push_back(
+        tensor_from(each.at("name").get<std::string>(), each.at("tensor").get<std::string>()));
+    if (each.contains("range")) {
+      specs.back().ranges = {{each.at("range").at(0), each.at("range").at(1)}};
+    }
+  }
+  return specs;
+}
+
+Workload make(const std::shared_ptr<const Definition>& shared, Size size) {
+  const Definition& definition = *shared;
+  auto operation = std::make_shared<OwnOperation>();
+  operation->source = definition.source;
+  operation->digest = definition.digest;
+  operation->definition = json_text(to_json(definition));
+  operation->backends = definition.backends;
+  if (definition.slices > 1) {
+    operation->slices.assign(static_cast<std::size_t>(definition.slices), 1.0 / definition.slices);
+  }
+  Workload w;
+  w.name = definition.name;
+  w.description = definition.description;
+  w.tags = {"own"};
+  w.kernel = kOwnKernel;
+  w.inputs = at(definition.inputs, size);
+  w.parameters = at(definition.parameters, size);
+  w.outputs = at(definition.outputs, size);
+  if (!definition.state.empty()) {
+    w.state = StateSpec{.name = definition.name, .tensors = at(definition.state, size)};
+  }
+  w.frames = definition.frames;
+  const double ops = definition.ops_per_element * static_cast<double>(w.outputs.front().count());
+  if (ops > 0 && ops < 9e18) w.ops = static_cast<std::int64_t>(std::llround(ops));
+  w.verify = [tolerance = definition.tolerance](std::span<const Tensor> outputs,
+                                                std::span<const Tensor> expected) {
+    return verify(outputs, expected, tolerance);
+  };
+  if (definition.functions) {
+    const Functions functions = definition.functions(size);
+    operation->cpu = functions.cpu;
+    operation->opencl = functions.opencl;
+    operation->opencl_function = functions.opencl_function;
+    w.make_data = [inputs = w.inputs, parameters = w.parameters,
+                   functions](const DataRequest& request) {
+      return make_data(request, inputs, parameters, functions);
+    };
+    if (w.state) {
+      w.make_state = [specs = w.state->tensors, functions] {
+        auto tensors = make_tensors(specs);
+        if (functions.make_state) functions.make_state(tensors);
+        return tensors;
+      };
+    }
+    const auto refer = [outputs = w.outputs, functions](std::span<const Tensor> state,
+                                                        std::span<Tensor> next, const Data& data) {
+      auto tensors = make_tensors(outputs);
+      functions.reference(data, state, next, tensors);
+      return widened(tensors);
+    };
+    if (functions.reference && w.state) {
+      w.step = [refer](std::span<Tensor> state, const Data& data) {
+        auto next = copy_tensors(state);
+        auto outputs = refer(state, next, data);
+        for (std::size_t i = 0; i < next.size(); ++i) copy_tensor(next[i], state[i]);
+        return outputs;
+      };
+    } else if (functions.reference) {
+      w.reference = [refer](const Data& data) { return refer({}, {}, data); };
+    }
+  }
+  w.operation = operation;
+  if (is_sized(definition)) {
+    w.at_size = [shared](int width, int height) {
+      const Size at{width, height};
+      check_tensor(shared->outputs.front(), at, shared->source);
+      return make(shared, at);
+    };
+  }
+  return w;
+}
+
+}  // namespace
+
+std::string to_string(Size size) { return fmt::format("{}x{}", size.width, size.height); }
+
+std::optional<Size> size_from(std::string_view text) {
+  const auto by = text.find('x');
+  if (by == std::string_view::npos) return std::nullopt;
+  const auto width = whole_number(text.substr(0, by), 1, kMostExtent);
+  const auto height = whole_number(text.substr(by + 1), 1, kMostExtent);
+  if (!width.value || !height.value) return std::nullopt;
+  return Size{*width.value, *height.value};
+}
+
+void check(const Definition& definition, const std::string& where) {
+  if (const std::string problem = name_problem(definition.name); !problem.empty()) {
+    throw_bad_input(fmt::format("{}: the name '{}' {}", where, definition.name, problem));
+  }
+  const std::string place = where + ": " + definition.name;
+  if (definition.outputs.empty()) throw_bad_input(place + " has no output");
+  if (definition.backends.empty()) throw_bad_input(place + " has no kernel for any backend");
+  if (is_sized(definition) && !definition.size) {
+    throw_bad_input(place + " has tensors of `width` or `height`, and no size of its own");
+  }
+  const auto varies = [](const std::vector<TensorSpec>& specs) {
+    return std::ranges::any_of(specs, &TensorSpec::varies);
+  };
+  const bool on_device =
+      std::ranges::find(definition.backends, "opencl") != definition.backends.end();
+  if (on_device &&
+      (varies(definition.inputs) || varies(definition.outputs) || varies(definition.state))) {
+    throw_bad_input(place + " has lists, which a kernel of opencl cannot say the rows of");
+  }
+  std::set<std::string> names;
+  for (const auto* specs :
+       {&definition.inputs, &definition.parameters, &definition.outputs, &definition.state}) {
+    if (specs->size() > kMostTensors)
+      throw_bad_input(place + " has more than 64 tensors of a kind");
+    for (const TensorSpec& spec : *specs) {
+      check_tensor(spec, definition.size.value_or(Size{}), place);
+      if (!names.insert(spec.name).second) {
+        throw_bad_input(fmt::format("{}: two tensors are called '{}'", place, spec.name));
+      }
+    }
+  }
+  if (definition.frames < 1 || definition.frames > 10'000) {
+    throw_bad_input(
+        fmt::format("{}: {} frames are not within 1 and 10,000", place, definition.frames));
+  }
+  if (definition.slices < 1 || definition.slices > 10'000) {
+    throw_bad_input(
+        fmt::format("{}: {} slices are not within 1 and 10,000", place, definition.slices));
+  }
+  if (!(definition.ops_per_element >= 0 && definition.ops_per_element <= 1e15)) {
+    throw_bad_input(place + ": operations per element are not within 0 and 1e15");
+  }
+  if (!(definition.tolerance >= 0 && definition.tolerance <= 1)) {
+    throw_bad_input(place + ": the tolerance is not within 0 and 1");
+  }
+}
+
+std::vector<Tensor> widened(std::span<const Tensor> tensors) {
+  std::vector<Tensor> made = copy_tensors(tensors);
+  for (Tensor& tensor : made) {
+    if (tensor.spec().element == Element::kF32) tensor = wide(tensor);
+  }
+  return made;
+}
+
+Workload to_workload(const Definition& definition) {
+  return make(std::make_shared<const Definition>(definition), definition.size.value_or(Size{}));
+}
+
+std::string tensor_text(const TensorSpec& spec) {
+  std::vector<std::string> extents;
+  for (const std::int64_t extent : spec.shape) {
+    const auto symbol = std::ranges::find(kSymbols, extent, &Symbol::value);
+    extents.push_back(symbol != kSymbols.end() ? std::string(symbol->name)
+                                               : std::to_string(extent));
+  }
+  return fmt::format("{}[{}{}]", pirt::to_string(spec.element), spec.varies ? "<=" : "",
+                     join(extents, ","));
+}
+
+TensorSpec tensor_from(const std::string& name, std::string_view text) {
+  const auto fail = [&] {
+    throw_bad_input(fmt::format(
+        "'{}' is no tensor: an element (u8, i16, i32, f32, f64) and its extents, such as "
+        "u8[480,640], f32[<=500,2], i16[height,width]",
+        text));
+  };
+  const auto open = text.find('[');
+  if (open == std::string_view::npos || text.back() != ']') fail();
+  TensorSpec spec{.name = name, .element = Element::kU8, .shape = {}};
+  const auto element = std::ranges::find(kElements, text.substr(0, open),
+                                         [](Element each) { return pirt::to_string(each); });
+  if (element == kElements.end()) fail();
+  spec.element = *element;
+  std::string inside(text.substr(open + 1, text.size() - open - 2));
+  if (inside.starts_with("<=")) {
+    spec.varies = true;
+    inside.erase(0, 2);
+  }
+  for (std::string extent : split(inside, ',')) {
+    std::erase(extent, ' ');
+    const auto symbol = std::ranges::find(kSymbols, std::string_view(extent), &Symbol::name);
+    const auto number = whole_number<std::int64_t>(extent, 1, kMostRow);
+    if (symbol == kSymbols.end() && !number.value) fail();
+    spec.shape.push_back(symbol != kSymbols.end() ? symbol->value : *number.value);
+  }
+  return spec;
+}
+
+Json to_json(const Definition& definition) {
+  Json json = {{"format", kFormat},
+               {"name", definition.name},
+               {"description", definition.description},
+               {"source", definition.source},
+               {"digest", definition.digest},
+               {"inputs", tensors_json(definition.inputs)},
+               {"parameters", tensors_json(definition.parameters)},
+               {"outputs", tensors_json(definition.outputs)},
+               {"state", tensors_json(definition.state)},
+               {"frames", definition.frames},
+               {"slices", definition.slices},
+               {"ops_per_element", definition.ops_per_element},
+               {"tolerance", definition.tolerance},
+               {"verified", definition.verified},
+               {"backends", definition.backends}};
+  if (definition.size) json["size"] = to_string(*definition.size);
+  return json;
+}
+
+Definition definition_from(const Json& json) {
+  if (json.at("format").get<int>() != kFormat) {
+    throw_bad_input("it is of another version of pirt; measure it again");
+  }
+  Definition made;
+  made.name = json.at("name").get<std::string>();
+  made.description = json.at("description").get<std::string>();
+  made.source = json.at("source").get<std::string>();
+  made.digest = json.at("digest").get<std::string>();
+  made.inputs = tensors_from(json.at("inputs"));
+  made.parameters = tensors_from(json.at("parameters"));
+  made.outputs = tensors_from(json.at("outputs"));
+  made.state = tensors_from(json.at("state"));
+  if (json.contains("size")) {
+    made.size = size_from(json.at("size").get<std::string>());
+    if (!made.size) throw_bad_input("its size is none");
+  }
+  made.frames = json.at("frames");
+  made.slices = json.at("slices");
+  made.ops_per_element = json.at("ops_per_element");
+  made.tolerance = json.at("tolerance");
+  made.verified = json.at("verified");
+  made.backends = json.at("backends").get<std::vector<std::string>>();
+  check(made, "workload '" + made.name + "'");
+  return made;
+}
+
+}  // namespace pirt::own

@@ -1,0 +1,55 @@
+#include "workloads/own/own.h"
+
+#include <fmt/core.h>
+
+#include "workloads/base/error.h"
+#include "workloads/base/hash.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt::own {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_library(std::string_view bytes) {
+  return bytes.starts_with(
+      "\x7f"
+      "ELF");
+}
+
+std::string digest(const fs::path& file, const std::string& bytes) {
+  Hash64 hash;
+  hash.add(std::string_view(bytes));
+  if (!is_library(bytes)) {
+    for (const fs::path& named : named_files(file, bytes)) {
+      hash.add(std::string_view(read_file(named, kAnySize)));
+    }
+  }
+  return fmt::format("{:016x}", hash.value());
+}
+
+}  // namespace
+
+std::string digest_of(const fs::path& file) { return digest(file, read_file(file, kAnySize)); }
+
+std::vector<Definition> load(const fs::path& file) {
+  const fs::path path = fs::absolute(file).lexically_normal();
+  const std::string bytes = read_file(path, kAnySize);
+  auto all = is_library(bytes) ? load_module(path) : read_workload_file(path, read_text(path));
+  const std::string held = digest(path, bytes);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    Definition& each = all[i];
+    each.source = path.string();
+    each.digest = held;
+    check(each, path.string());
+    for (std::size_t j = 0; j < i; ++j) {
+      if (all[j].name == each.name) {
+        throw_bad_input(fmt::format("{}: two workloads are called '{}'", path.string(), each.name));
+      }
+    }
+  }
+  if (all.empty()) throw_bad_input(path.string() + " has no workload");
+  return all;
+}
+
+}  // namespace pirt::own

@@ -1,0 +1,34 @@
+// Workloads that are somebody else's: of a module (a shared library, <pirt/module.h>) or a workload
+// file (YAML, README.md here).
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "workloads/own/definition.h"
+
+namespace pirt::own {
+
+/// Loads a module, whose code runs in this process from then on, or reads a workload file, whose
+/// sources and networks are read and whose programs are started where they are used. Modules stay
+/// loaded.
+/// @param file  A module is what begins as a shared library does.
+/// @throws Error{kBadInput} naming the file and what is wrong with it; Error{kEnvironment} if a
+/// library cannot be loaded.
+[[nodiscard]] std::vector<Definition> load(const std::filesystem::path& file);
+
+/// Of what the file holds, and the files that a workload file names: 16 digits.
+/// @throws Error{kBadInput} if one of them cannot be read.
+[[nodiscard]] std::string digest_of(const std::filesystem::path& file);
+
+// Of the two kinds, each in its file.
+[[nodiscard]] std::vector<Definition> load_module(const std::filesystem::path& file);
+[[nodiscard]] std::vector<Definition> read_workload_file(const std::filesystem::path& file,
+                                                         const std::string& text);
+/// The files that the workload file names, absolute; of programs those of their words that are
+/// files.
+[[nodiscard]] std::vector<std::filesystem::path> named_files(const std::filesystem::path& file,
+                                                             const std::string& text);
+
+}  // namespace pirt::own

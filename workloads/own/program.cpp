@@ -1,0 +1,400 @@
+#include "workloads/own/program.h"
+
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <poll.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <fstream>
+#include <numeric>
+#include <optional>
+#include <utility>
+
+#include "workloads/base/error.h"
+#include "workloads/base/system/child.h"
+#include "workloads/base/system/file_descriptor.h"
+#include "workloads/base/text/json.h"
+#include "workloads/base/text/text.h"
+#include "workloads/model/slices.h"
+
+namespace pirt::own {
+namespace {
+
+constexpr int kMemory = 3;  ///< The program's descriptor of it.
+constexpr std::size_t kLongestLine = std::size_t{1} << 20;
+constexpr int kNullCalls = 32;
+
+[[noreturn]] void throw_errno(const std::string& doing) {
+  throw_environment(fmt::format("cannot {}: {}", doing, std::strerror(errno)));
+}
+
+/// Memory of this process and the program's.
+class SharedMemory {
+ public:
+  explicit SharedMemory(std::size_t bytes) : bytes_(bytes) {
+    descriptor_ = FileDescriptor(::memfd_create("pirt", MFD_CLOEXEC));
+    if (descriptor_.get() < 0 || ::ftruncate(descriptor_.get(), static_cast<off_t>(bytes_)) != 0) {
+      throw_errno("make shared memory");
+    }
+    void* const place =
+        ::mmap(nullptr, bytes_, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor_.get(), 0);
+    if (place == MAP_FAILED) throw_errno("map shared memory");
+    data_ = static_cast<std::byte*>(place);
+  }
+  ~SharedMemory() { ::munmap(data_, bytes_); }
+  SharedMemory(const SharedMemory&) = delete;
+  SharedMemory& operator=(const SharedMemory&) = delete;
+
+  [[nodiscard]] std::byte* at(std::size_t offset) const { return data_ + offset; }
+  [[nodiscard]] std::size_t bytes() const { return bytes_; }
+  [[nodiscard]] int descriptor() const { return descriptor_.get(); }
+
+ private:
+  std::size_t bytes_;
+  FileDescriptor descriptor_;
+  std::byte* data_ = nullptr;
+};
+
+/// Where the tensors lie in it, each on a page of its own.
+struct Layout {
+  std::vector<std::size_t> inputs, parameters, outputs;
+  std::size_t bytes = 0;
+};
+
+Layout layout_of(const Program& program) {
+  constexpr std::size_t kPage = 4096;
+  Layout layout;
+  const auto place = [&layout](const std::vector<TensorSpec>& specs,
+                               std::vector<std::size_t>& offsets) {
+    for (const TensorSpec& spec : specs) {
+      offsets.push_back(layout.bytes);
+      const auto size = static_cast<std::size_t>(spec.size_bytes());
+      layout.bytes += (size + kPage - 1) / kPage * kPage;
+    }
+  };
+  place(program.inputs, layout.inputs);
+  place(program.parameters, layout.parameters);
+  place(program.outputs, layout.outputs);
+  return layout;
+}
+
+/// The running program.
+class Process {
+ public:
+  Process(const Program& program, const SharedMemory& memory) : program_(program) {
+    std::array<int, 2> in{}, out{};
+    if (::pipe2(in.data(), O_CLOEXEC) != 0) throw_errno("make a pipe");
+    FileDescriptor read_end(in[0]);
+    to_ = FileDescriptor(in[1]);
+    if (::pipe2(out.data(), O_CLOEXEC) != 0) throw_errno("make a pipe");
+    from_ = FileDescriptor(out[0]);
+    FileDescriptor write_end(out[1]);
+
+    std::vector<char*> words;
+    for (const std::string& word : program.command)
+      words.push_back(const_cast<char*>(word.c_str()));
+    words.push_back(nullptr);
+    const std::string folder = program.folder.string();
+    const pid_t parent = ::getpid();
+    pid_ = ::fork();
+    if (pid_ < 0) throw_errno("start " + program.command.front());
+    if (pid_ == 0) {
+      // Above those that are to be, before they are put in place.
+      const int given_in = ::fcntl(read_end.get(), F_DUPFD, 10);
+      const int given_out = ::fcntl(write_end.get(), F_DUPFD, 10);
+      const int given_memory = ::fcntl(memory.descriptor(), F_DUPFD, 10);
+      const bool good = ::dup2(given_in, STDIN_FILENO) >= 0 &&
+                        ::dup2(given_out, STDOUT_FILENO) >= 0 &&
+                        ::dup2(given_memory, kMemory) >= 0 && ::chdir(folder.c_str()) == 0;
+      begin_child(parent, kMemory + 1);
+      ::setpgid(0, 0);
+      if (good) ::execvp(words.front(), words.data());
+      ::_exit(127);
+    }
+    ::setpgid(pid_, pid_);
+  }
+  /// It may end by itself for a moment.
+  ~Process() {
+    to_.close();
+    constexpr int kWaits = 100;
+    for (int i = 0; i < kWaits && !has_ended(); ++i) ::poll(nullptr, 0, 10);
+    end();
+  }
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  /// Its answer to a line.
+  /// @throws Error{kEnvironment} if there is none in time; it is over then.
+  [[nodiscard]] Json ask(const Json& line, Nanos limit) {
+    put(json_text(line) + "\n");
+    return get(limit);
+  }
+
+  /// Bytes of its own that it has had at most, and its processor time so far.
+  [[nodiscard]] std::optional<std::int64_t> peak_bytes() const {
+    std::ifstream status(fmt::format("/proc/{}/status", pid_));
+    for (std::string line; std::getline(status, line);) {
+      std::int64_t kib = 0;
+      if (std::sscanf(line.c_str(), "VmHWM: %ld kB", &kib) == 1) return kib << 10;
+    }
+    return std::nullopt;
+  }
+  [[nodiscard]] Nanos processor_time() const {
+    std::int64_t all = 0;
+    std::ifstream(fmt::format("/proc/{}/schedstat", pid_)) >> all;
+    return Nanos(all);
+  }
+
+ private:
+  [[nodiscard]] std::string name() const {
+    return program_.workload + ": " + join(program_.command, " ");
+  }
+
+  bool has_ended() {
+    if (pid_ > 0 && ::waitpid(pid_, &status_, WNOHANG) == pid_) pid_ = 0;
+    return pid_ <= 0;
+  }
+
+  void end() {
+    if (has_ended()) return;
+    ::kill(-pid_, SIGKILL);
+    ::kill(pid_, SIGKILL);
+    while (::waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
+    }
+    pid_ = 0;
+  }
+
+  [[noreturn]] void fail(const std::string& how) {
+    end();
+    throw_environment(name() + " " + how);
+  }
+  [[noreturn]] void fail_ended() {
+    // Its end of the pipe may close a moment before it is gone.
+    for (int i = 0; i < 100 && !has_ended(); ++i) ::poll(nullptr, 0, 10);
+    if (!has_ended()) fail("closed its standard output");
+    if (WIFSIGNALED(status_)) fail(fmt::format("crashed (signal {})", WTERMSIG(status_)));
+    if (WEXITSTATUS(status_) == 127) fail("cannot be started");
+    fail(fmt::format("ended with code {}", WEXITSTATUS(status_)));
+  }
+
+  void put(std::string_view text) {
+    // A program that is gone is no signal to this one.
+    sigset_t pipe, before;
+    sigemptyset(&pipe);
+    sigaddset(&pipe, SIGPIPE);
+    ::pthread_sigmask(SIG_BLOCK, &pipe, &before);
+    bool good = true;
+    while (good && !text.empty()) {
+      const ssize_t put = ::write(to_.get(), text.data(), text.size());
+      if (put < 0 && errno == EINTR) continue;
+      good = put > 0;
+      if (good) text.remove_prefix(static_cast<std::size_t>(put));
+    }
+    if (!good) {
+      const timespec now{0, 0};
+      ::sigtimedwait(&pipe, nullptr, &now);
+    }
+    ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
+    if (!good) fail_ended();
+  }
+
+  Json get(Nanos limit) {
+    const MachineClock clock;
+    const Nanos until = clock.now() + limit;
+    for (;;) {
+      if (const auto end = buffer_.find('\n'); end != std::string::npos) {
+        const std::string line = buffer_.substr(0, end);
+        buffer_.erase(0, end + 1);
+        const auto json = try_parse_json(line);
+        if (json && json->is_object()) return *json;
+        fail(fmt::format("answered with what is no JSON object: {}", line.substr(0, 80)));
+      }
+      if (buffer_.size() > kLongestLine) fail("answers with a line of more than 1 MiB");
+      if (stop_of_call().stop_requested()) fail("was stopped");
+      const Nanos left = until - clock.now();
+      if (left <= Nanos(0)) fail(fmt::format("did not answer in {:.3g} s", to_s(limit)));
+      constexpr Nanos kLook = std::chrono::milliseconds(50);
+      const auto wait = std::chrono::ceil<std::chrono::milliseconds>(std::min(left, kLook));
+      pollfd ready{from_.get(), POLLIN, 0};
+      if (::poll(&ready, 1, static_cast<int>(wait.count())) <= 0) continue;
+      std::array<char, 4096> bytes{};
+      const ssize_t got = ::read(from_.get(), bytes.data(), bytes.size());
+      if (got == 0) fail_ended();
+      if (got > 0) buffer_.append(bytes.data(), static_cast<std::size_t>(got));
+    }
+  }
+
+  const Program& program_;
+  FileDescriptor to_, from_;
+  pid_t pid_ = 0;
+  int status_ = 0;
+  std::string buffer_;
+};
+
+Json tensor_json(const TensorSpec& spec, const char* role, std::size_t offset) {
+  Json json = {{"name", spec.name},
+               {"role", role},
+               {"dtype", pirt::to_string(spec.element)},
+               {"shape", spec.shape},
+               {"offset", offset}};
+  if (spec.varies) json["varies"] = true;
+  return json;
+}
+
+class ProgramKernel final : public Kernel {
+ public:
+  ProgramKernel(Program program, std::span<const Tensor> parameters, int threads)
+      : program_(std::move(program)),
+        layout_(layout_of(program_)),
+        memory_(std::max<std::size_t>(layout_.bytes, 1)),
+        threads_(threads) {
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+      std::ranges::copy(parameters[i].bytes(), memory_.at(layout_.parameters[i]));
+    }
+    start();
+  }
+
+  void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
+    inputs_ = inputs;
+    outputs_ = outputs;
+  }
+
+  std::optional<Nanos> execute(int repeats) override {
+    for (int i = 0; i < repeats; ++i) compute();
+    return std::nullopt;
+  }
+
+  [[nodiscard]] std::vector<std::string> remarks() const override {
+    if (!process_) return {};
+    std::string text = fmt::format("program: a null call {:.3g} us", 1e6 * to_s(null_call_));
+    if (calls_ > 0) {
+      const Nanos used = process_->processor_time() - before_calls_;
+      text += fmt::format(", {:.3g} ms of processor time a call", to_ms(used / calls_));
+    }
+    if (const auto peak = process_->peak_bytes()) {
+      text += fmt::format(", {:.1f} MiB at most", static_cast<double>(*peak) / (1 << 20));
+    }
+    return {text};
+  }
+
+ private:
+  void start() {
+    process_.emplace(program_, memory_);
+    Json tensors = Json::array();
+    const auto add = [&tensors](const std::vector<TensorSpec>& specs, const char* role,
+                                const std::vector<std::size_t>& offsets) {
+      for (std::size_t i = 0; i < specs.size(); ++i) {
+        tensors.push_back(tensor_json(specs[i], role, offsets[i]));
+      }
+    };
+    add(program_.inputs, "input", layout_.inputs);
+    add(program_.parameters, "parameter", layout_.parameters);
+    add(program_.outputs, "output", layout_.outputs);
+    const Json answer = ask({{"pirt", 1},
+                             {"workload", program_.workload},
+                             {"threads", threads_},
+                             {"memory", fmt::format("/proc/self/fd/{}", kMemory)},
+                             {"bytes", memory_.bytes()},
+                             {"tensors", tensors}},
+                            program_.start_limit);
+    if (!answer.contains("ready")) fail("answered neither with `ready` nor with `error`");
+    std::vector<Nanos> times;
+    const MachineClock clock;
+    for (int i = 0; i < kNullCalls; ++i) {
+      const Nanos begin = clock.now();
+      expect_done(ask({{"null", ++number_}}, program_.call_limit));
+      times.push_back(clock.now() - begin);
+    }
+    std::ranges::nth_element(times, times.begin() + kNullCalls / 2);
+    null_call_ = times[kNullCalls / 2];
+    calls_ = 0;
+    before_calls_ = process_->processor_time();
+  }
+
+  void compute() {
+    if (!process_) start();
+    Json line = {{"call", ++number_}};
+    for (std::size_t i = 0; i < inputs_.size(); ++i) {
+      std::ranges::copy(inputs_[i].used_bytes(), memory_.at(layout_.inputs[i]));
+      if (inputs_[i].spec().varies) line["rows"][inputs_[i].spec().name] = inputs_[i].rows();
+    }
+    const Json answer = ask(line, program_.call_limit);
+    expect_done(answer);
+    for (std::size_t i = 0; i < outputs_.size(); ++i) {
+      Tensor& output = outputs_[i];
+      if (output.spec().varies) output.set_rows(rows_of(answer, output.spec()));
+      const auto bytes = output.used_bytes().size();
+      std::copy_n(memory_.at(layout_.outputs[i]), bytes, output.data());
+    }
+    ++calls_;
+  }
+
+  std::int64_t rows_of(const Json& answer, const TensorSpec& spec) {
+    try {
+      const auto rows = answer.at("rows").at(spec.name).get<std::int64_t>();
+      if (rows >= 0 && rows <= spec.shape.front()) return rows;
+    } catch (const JsonError&) {
+    }
+    fail(fmt::format("did not say in `rows` how many of {} there are", spec.describe()));
+  }
+
+  /// @throws Error{kEnvironment} for an answer that is an error, as Process::ask.
+  Json ask(const Json& line, Nanos limit) {
+    Json answer;
+    try {
+      answer = process_->ask(line, limit);
+    } catch (...) {
+      process_.reset();
+      throw;
+    }
+    if (answer.contains("error")) {
+      const Json& error = answer.at("error");
+      throw_environment(
+          fmt::format("{}: {}", program_.workload,
+                      error.is_string() ? error.get<std::string>() : json_text(error)));
+    }
+    return answer;
+  }
+
+  void expect_done(const Json& answer) {
+    const bool done = answer.contains("done") && answer.at("done").is_number_integer() &&
+                      answer.at("done").get<std::int64_t>() == number_;
+    if (!done) fail(fmt::format("did not answer with {{\"done\": {}}}", number_));
+  }
+
+  /// What it says next would be of another call.
+  [[noreturn]] void fail(const std::string& how) {
+    process_.reset();
+    throw_environment(
+        fmt::format("{}: {} {}", program_.workload, join(program_.command, " "), how));
+  }
+
+  Program program_;
+  Layout layout_;
+  SharedMemory memory_;
+  int threads_;
+  std::optional<Process> process_;  ///< None: the next call starts it.
+  std::int64_t number_ = 0;
+  std::int64_t calls_ = 0;  ///< Since it was started.
+  Nanos null_call_{0}, before_calls_{0};
+  std::span<const Tensor> inputs_;
+  std::span<Tensor> outputs_;
+};
+
+}  // namespace
+
+std::unique_ptr<Kernel> make_program_kernel(const Program& program,
+                                            std::span<const Tensor> parameters, int threads) {
+  return std::make_unique<ProgramKernel>(program, parameters, threads);
+}
+
+}  // namespace pirt::own

@@ -1,0 +1,327 @@
+// Workload files: YAML for what is no C++ (README.md of this folder has all keys).
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <memory>
+#include <utility>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text/text.h"
+#include "workloads/base/text/yaml.h"
+#include "workloads/own/own.h"
+#include "workloads/own/program.h"
+#include "workloads/recognition/model.h"
+
+namespace pirt::own {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr Nanos kStartLimit = std::chrono::seconds(60), kCallLimit = std::chrono::seconds(10);
+constexpr double kLongestLimitMs = 3'600'000;
+
+/// Relative to the file's folder.
+fs::path place(const fs::path& file, const std::string& named) {
+  return (file.parent_path() / named).lexically_normal();
+}
+
+/// "{image: u8[480,640], ...}"
+std::vector<TensorSpec> read_tensors(const YamlNode& node) {
+  std::vector<TensorSpec> specs;
+  for (const std::string& name : node.keys()) {
+    const YamlNode each = node.at(name);
+    const YamlNode tensor = each.is_map() ? each.at("tensor") : each;
+    if (each.is_map()) each.check_keys({"tensor", "range"});
+    try {
+      specs.push_back(tensor_from(name, tensor.text()));
+    } catch (const Error& error) {
+      tensor.fail(error.what());
+    }
+    if (!each.is_map() || !each.has("range")) continue;
+    const auto ends = each.at("range").items();
+    if (ends.size() != 2) each.at("range").fail("needs two numbers, the least and the largest");
+    specs.back().ranges = {{ends[0].number(-1e300, 1e300), ends[1].number(-1e300, 1e300)}};
+  }
+  return specs;
+}
+
+std::vector<TensorSpec> tensors_at(const YamlNode& node, std::string_view key) {
+  return node.has(key) ? read_tensors(node.at(key)) : std::vector<TensorSpec>();
+}
+
+/// A global size: a number, or width or height of the workload.
+std::int64_t read_extent(const YamlNode& node) {
+  if (node.text() == "width") return kWidth;
+  if (node.text() == "height") return kHeight;
+  return node.integer(1, std::int64_t{1} << 31);
+}
+
+std::array<std::int64_t, 3> read_extents(const YamlNode& node) {
+  const auto items = node.items();
+  if (items.empty() || items.size() > 3) node.fail("needs one to three sizes, x first");
+  std::array<std::int64_t, 3> extents{};
+  for (std::size_t i = 0; i < items.size(); ++i) extents[i] = read_extent(items[i]);
+  return extents;
+}
+
+OpenclArgument read_argument(const YamlNode& node, const Definition& definition) {
+  constexpr std::array kElements = {Element::kU8, Element::kI16, Element::kI32, Element::kF32,
+                                    Element::kF64};
+  if (node.is_map()) {
+    const auto keys = node.keys();
+    const auto element = std::ranges::find(kElements, keys.empty() ? "" : keys.front(),
+                                           [](Element each) { return pirt::to_string(each); });
+    if (keys.size() != 1 || element == kElements.end()) {
+      node.fail("is no number of an argument: {u8: 128}, {i32: -1}, {f32: 0.5}");
+    }
+    return {
+        .tensor = {}, .element = *element, .value = node.at(keys.front()).number(-1e300, 1e300)};
+  }
+  std::vector<std::string> known;
+  for (const auto* specs : {&definition.inputs, &definition.parameters, &definition.outputs}) {
+    for (const TensorSpec& spec : *specs) known.push_back(spec.name);
+  }
+  for (const TensorSpec& spec : definition.state) {
+    known.push_back(spec.name);
+    known.push_back("next " + spec.name);
+  }
+  const std::string name = node.text();
+  if (std::ranges::find(known, name) == known.end()) {
+    node.fail("there is no tensor '" + name + "'" + suggestion(name, known));
+  }
+  return {.tensor = name, .element = Element::kI32, .value = 0};
+}
+
+void read_opencl(const fs::path& file, const YamlNode& node, Definition& definition) {
+  node.check_keys({"source", "kernel", "global", "local", "args", "options"});
+  const fs::path path = place(file, node.at("source").text());
+  OpenclSource source{.file = path.string(), .text = read_text(path), .kernel = {}, .options = {}};
+  source.kernel = node.at("kernel").text();
+  source.global = read_extents(node.at("global"));
+  if (node.has("local")) source.local = read_extents(node.at("local"));
+  for (const std::int64_t extent : source.local) {
+    if (extent < 0) node.at("local").fail("is of numbers alone");
+  }
+  if (node.has("options")) source.options = " " + node.at("options").text();
+  for (const YamlNode& argument : node.at("args").items()) {
+    source.arguments.push_back(read_argument(argument, definition));
+  }
+  definition.backends.emplace_back("opencl");
+  definition.functions = [source](Size size) {
+    OpenclSource made = source;
+    for (std::int64_t& extent : made.global) {
+      if (extent == kWidth) extent = size.width;
+      if (extent == kHeight) extent = size.height;
+    }
+    made.options += fmt::format(" -DPIRT_WIDTH={} -DPIRT_HEIGHT={}", size.width, size.height);
+    return Functions{.opencl = made};
+  };
+}
+
+void read_program(const fs::path& file, const YamlNode& node, Definition& definition) {
+  if (!definition.state.empty()) node.fail("a program keeps its state itself: leave `state` out");
+  Program program{.workload = definition.name,
+                  .command = {},
+                  .folder = file.parent_path(),
+                  .start_limit = kStartLimit,
+                  .call_limit = kCallLimit};
+  for (const YamlNode& word : node.at("command").items()) program.command.push_back(word.text());
+  if (program.command.empty() || program.command.front().empty()) {
+    node.at("command").fail("needs the words of a command: [python3, icp.py]");
+  }
+  const auto limit = [&node](const char* key, Nanos standard) {
+    return node.has(key) ? Nanos(std::llround(1e6 * node.at(key).number(1, kLongestLimitMs)))
+                         : standard;
+  };
+  program.start_limit = limit("start_limit_ms", kStartLimit);
+  program.call_limit = limit("call_limit_ms", kCallLimit);
+  program.inputs = definition.inputs;
+  program.parameters = definition.parameters;
+  program.outputs = definition.outputs;
+  definition.backends.emplace_back("cpu");
+  definition.functions = [program](Size size) {
+    const auto made = [size](std::vector<TensorSpec> specs) {
+      for (TensorSpec& spec : specs) {
+        for (std::int64_t& extent : spec.shape) {
+          if (extent == kWidth) extent = size.width;
+          if (extent == kHeight) extent = size.height;
+        }
+      }
+      return specs;
+    };
+    Program sized = program;
+    sized.inputs = made(program.inputs);
+    sized.parameters = made(program.parameters);
+    sized.outputs = made(program.outputs);
+    return Functions{.cpu = [sized](std::span<const Tensor> parameters, int threads) {
+      return make_program_kernel(sized, parameters, threads);
+    }};
+  };
+}
+
+/// A network on the host's cores.
+class NetworkKernel final : public Kernel {
+ public:
+  NetworkKernel(std::string name, std::unique_ptr<recognition::Network> network, int threads)
+      : name_(std::move(name)), network_(std::move(network)), threads_(threads) {}
+  void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
+    inputs_ = inputs;
+    outputs_ = outputs;
+  }
+  std::optional<Nanos> execute(int repeats) override {
+    const Tensor& input = inputs_.front();
+    const std::vector<int> shape(input.spec().shape.begin(), input.spec().shape.end());
+    for (int i = 0; i < repeats; ++i) {
+      std::string error;
+      const auto results = network_->run(input.as<float>(), shape, threads_, error);
+      if (!error.empty()) throw_environment(name_ + ": " + error);
+      for (std::size_t k = 0; k < outputs_.size(); ++k) {
+        if (k >= results.size() || results[k].shape != outputs_[k].spec().shape) {
+          throw_environment(
+              fmt::format("{}: output {} is not {}", name_, k, outputs_[k].spec().describe()));
+        }
+        std::ranges::copy(results[k].values, outputs_[k].as<float>().begin());
+      }
+    }
+    return std::nullopt;
+  }
+
+ private:
+  std::string name_;
+  std::unique_ptr<recognition::Network> network_;
+  int threads_;
+  std::span<const Tensor> inputs_;
+  std::span<Tensor> outputs_;
+};
+
+/// What the network makes of its input.
+std::vector<TensorSpec> outputs_of(recognition::Network& network, const YamlNode& node,
+                                   const TensorSpec& input) {
+  const std::vector<float> zeros(static_cast<std::size_t>(input.count()));
+  const std::vector<int> shape(input.shape.begin(), input.shape.end());
+  std::string error;
+  const auto results = network.run(zeros, shape, 0, error);
+  if (!error.empty()) {
+    node.fail("does not run on " + input.describe() + ": " + error + "; is that its input?");
+  }
+  std::vector<TensorSpec> specs;
+  for (const auto& result : results) {
+    specs.push_back({.name = fmt::format("output{}", specs.size()),
+                     .element = Element::kF32,
+                     .shape = result.shape});
+  }
+  return specs;
+}
+
+void read_network(const fs::path& file, const YamlNode& node, Definition& definition) {
+  const YamlNode network = node.at("network");
+  const fs::path model = place(file, network.text());
+  std::optional<fs::path> config;
+  if (node.has("config")) config = place(file, node.at("config").text());
+  const bool one_input = definition.inputs.size() == 1 && definition.parameters.empty() &&
+                         definition.state.empty() &&
+                         definition.inputs.front().element == Element::kF32 &&
+                         std::ranges::all_of(definition.inputs.front().shape,
+                                             [](std::int64_t extent) { return extent > 0; });
+  if (!one_input) {
+    network.fail("needs one input of fixed size, such as inputs: {picture: \"f32[1,3,416,416]\"}");
+  }
+  check({.name = definition.name,
+         .inputs = definition.inputs,
+         .outputs = definition.inputs,
+         .backends = {"cpu"}},
+        network.location());
+  const auto outputs =
+      outputs_of(*recognition::open_network(model, config), network, definition.inputs.front());
+  if (definition.outputs.empty()) definition.outputs = outputs;
+  const bool same =
+      std::ranges::equal(definition.outputs, outputs, {}, &TensorSpec::shape, &TensorSpec::shape);
+  if (!same) {
+    std::vector<std::string> made;
+    for (const TensorSpec& spec : outputs) made.push_back(tensor_text(spec));
+    node.at("outputs").fail("are not the network's: " + join(made, ", "));
+  }
+  definition.backends.emplace_back("cpu");
+  definition.functions = [name = definition.name, model, config](Size) {
+    return Functions{.cpu = [=](std::span<const Tensor>, int threads) {
+      return std::make_unique<NetworkKernel>(name, recognition::open_network(model, config),
+                                             threads);
+    }};
+  };
+}
+
+Definition read_workload(const fs::path& file, const YamlNode& node) {
+  node.check_keys({"name", "description", "inputs", "outputs", "parameters", "state", "size",
+                   "frames", "ops_per_element", "tolerance", "opencl", "network", "config",
+                   "command", "start_limit_ms", "call_limit_ms"});
+  Definition definition;
+  definition.name = node.at("name").text();
+  if (node.has("description")) definition.description = node.at("description").paragraph();
+  definition.inputs = tensors_at(node, "inputs");
+  definition.outputs = tensors_at(node, "outputs");
+  definition.parameters = tensors_at(node, "parameters");
+  definition.state = tensors_at(node, "state");
+  if (node.has("size")) {
+    definition.size = size_from(node.at("size").text());
+    if (!definition.size) node.at("size").fail("is no size: 1280x720");
+  }
+  if (node.has("frames")) {
+    definition.frames = static_cast<int>(node.at("frames").integer(1, 10'000));
+  }
+  if (node.has("ops_per_element")) {
+    definition.ops_per_element = node.at("ops_per_element").number(0, 1e15);
+  }
+  if (node.has("tolerance")) definition.tolerance = node.at("tolerance").number(0, 1);
+  const int kinds = int{node.has("opencl")} + int{node.has("network")} + int{node.has("command")};
+  if (kinds != 1) node.fail("needs one of: opencl, network, command");
+  if (node.has("opencl")) read_opencl(file, node.at("opencl"), definition);
+  if (node.has("network")) read_network(file, node, definition);
+  if (node.has("command")) read_program(file, node, definition);
+  check(definition, node.location());
+  return definition;
+}
+
+YamlNode root_of(const fs::path& file, const std::string& text) {
+  YamlNode root = parse_yaml(file.string(), text);
+  root.check_keys({"workloads"});
+  return root.at("workloads");
+}
+
+}  // namespace
+
+std::vector<Definition> read_workload_file(const fs::path& file, const std::string& text) {
+  std::vector<Definition> all;
+  for (const YamlNode& node : root_of(file, text).items()) {
+    if (!node.has("module")) {
+      all.push_back(read_workload(file, node));
+      continue;
+    }
+    node.check_keys({"module"});
+    auto modules = load_module(place(file, node.at("module").text()));
+    std::ranges::move(modules, std::back_inserter(all));
+  }
+  return all;
+}
+
+std::vector<fs::path> named_files(const fs::path& file, const std::string& text) {
+  std::vector<fs::path> files;
+  for (const YamlNode& node : root_of(file, text).items()) {
+    if (node.has("opencl") && node.at("opencl").has("source")) {
+      files.push_back(place(file, node.at("opencl").at("source").text()));
+    }
+    for (const char* key : {"module", "network", "config"}) {
+      if (node.has(key)) files.push_back(place(file, node.at(key).text()));
+    }
+    if (!node.has("command")) continue;
+    for (const YamlNode& word : node.at("command").items()) {
+      const fs::path path = place(file, word.text());
+      if (fs::is_regular_file(path)) files.push_back(path);
+    }
+  }
+  return files;
+}
+
+}  // namespace pirt::own
