@@ -7,7 +7,6 @@
 #include "characterize/platform/platform.h"
 #include "characterize/profile/own_rows.h"
 #include "characterize/worker/job_runner.h"
-#include "cli/long_run.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "workloads/base/error.h"

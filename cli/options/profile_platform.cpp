@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "characterize/profile/store/reader.h"
+#include "cli/options/own.h"
 #include "scheduler/services/devices.h"
 #include "workloads/base/error.h"
 
@@ -21,12 +22,14 @@ Platform platform_of(const Profile& profile, const std::vector<YamlOverride>& ov
 
 ProfiledPlatform read_platform(const std::optional<std::string>& platform,
                                const std::optional<std::string>& profile,
-                               const std::vector<YamlOverride>& overrides) {
+                               const std::vector<YamlOverride>& overrides,
+                               const std::vector<std::string>& own) {
   ProfiledPlatform read;
   if (platform) read.platform = load_platform(*platform, overrides);
   if (profile) read.profile = ProfileReader(*profile).read(read.platform.name);
   if (!platform) read.platform = platform_of(read.profile.value(), overrides);
   read.platform = on_devices(std::move(read.platform), read.profile ? &*read.profile : nullptr);
+  if (read.profile) doubt_rows(*read.profile, own);
   return read;
 }
 

@@ -23,8 +23,11 @@ struct ProfiledPlatform {
 /// @param platform  A name or a file; absent = the profile's.
 /// @param profile   A profile database; absent = none, and then there is a platform.
 /// @throws Error{kBadInput} as load_platform, ProfileReader::read and platform_of.
+/// @param own       Files of workloads of one's own: rows are doubted (own.h) whose are not what
+/// they were.
 [[nodiscard]] ProfiledPlatform read_platform(const std::optional<std::string>& platform,
                                              const std::optional<std::string>& profile,
-                                             const std::vector<YamlOverride>& overrides);
+                                             const std::vector<YamlOverride>& overrides,
+                                             const std::vector<std::string>& own = {});
 
 }  // namespace pirt::cli

@@ -11,6 +11,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
+#include "workloads/catalog/specs.h"
 
 namespace pirt {
 namespace {
@@ -49,10 +50,19 @@ std::string remedy(const Platform& platform, const Profile* profile,
   if (std::ranges::none_of(platform.units, &UnitModel::measured)) {
     return "give their stages under `workloads:` in the platform file";
   }
+  for (const std::string& name : missing) {
+    if (!is_foreign(name) || try_find_spec(name)) continue;
+    std::vector<std::string> known = workload_names();
+    if (profile != nullptr) known = profile->workloads();
+    return "nothing says what '" + name + "' is" + suggestion(name, known) +
+           "; measure it with --workloads FILE, the module or workload file that has it";
+  }
+  std::string files;
+  for (const std::string& file : files_of(missing)) files += " --workloads " + path_in_shell(file);
   const std::string path = profile == nullptr ? "profile.db" : path_in_shell(profile->path);
   const std::string argument =
       path_in_shell(platform.argument.empty() ? platform.name : platform.argument);
-  return "measure with: pirt characterize --platform " + argument + " --filter '^(" +
+  return "measure with: pirt characterize --platform " + argument + files + " --filter '^(" +
          join(missing, "|") + ")$' --db " + path +
          (profile == nullptr ? ", then give --profile " + path : "");
 }

@@ -8,5 +8,7 @@ const char* const kTestWorker = PIRT_TEST_WORKER;
 const char* const kNvmlStandIn = PIRT_NVML_STAND_IN;
 const char* const kNvmlStandInOld = PIRT_NVML_STAND_IN_OLD;
 const char* const kMeddlingLibrary = PIRT_MEDDLING_LIBRARY;
+const char* const kExampleModule = PIRT_EXAMPLE_MODULE;
+const char* const kHostileModule = PIRT_HOSTILE_MODULE;
 
 }  // namespace pirt::test

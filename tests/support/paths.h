@@ -12,5 +12,7 @@ extern const char* const kTestWorker;    ///< characterize/worker_main.cc: a wor
 extern const char* const kNvmlStandIn;
 extern const char* const kNvmlStandInOld;
 extern const char* const kMeddlingLibrary;  ///< cli/meddling_library.cc
+extern const char* const kExampleModule;    ///< examples/module/mine.cpp
+extern const char* const kHostileModule;    ///< workloads/own/hostile_module.cc
 
 }  // namespace pirt::test

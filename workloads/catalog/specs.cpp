@@ -53,6 +53,17 @@ std::optional<WorkloadSpec> try_find_spec(std::string_view name) {
   return workload == nullptr ? std::nullopt : std::optional(spec_of(*workload));
 }
 
+std::vector<std::string> files_of(const std::vector<std::string>& names) {
+  std::vector<std::string> files;
+  for (const std::string& name : names) {
+    const Workload* const workload = all_specs().try_find(name);
+    const OwnOperation* const own = workload == nullptr ? nullptr : own_operation(*workload);
+    if (own == nullptr || std::ranges::find(files, own->source) != files.end()) continue;
+    files.push_back(own->source);
+  }
+  return files;
+}
+
 bool is_foreign(std::string_view name) {
   const auto dot = name.find('.');
   return dot != std::string_view::npos && dot > 0 && dot + 1 < name.size();

@@ -35,6 +35,8 @@ struct WorkloadSpec {
 /// and makes is known here once somebody has said so (own_list.h). Names of the catalog have no
 /// '.'.
 [[nodiscard]] bool is_foreign(std::string_view name);
+/// The file that somebody else's workloads come from, for `--workloads`, each once.
+[[nodiscard]] std::vector<std::string> files_of(const std::vector<std::string>& names);
 /// As try_find_spec, or that of a foreign workload of which nothing is known, which has neither
 /// inputs nor outputs.
 /// @throws Error{kBadInput} with the nearest names.

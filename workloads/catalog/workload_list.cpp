@@ -54,6 +54,7 @@ std::vector<Workload> make_variant(const Variant& variant, std::span<const Workl
   for (const Workload& plain : all_plain) {
     auto made = variant.make(plain);
     if (!made) continue;
+    made->at_size = {};  // Sizes come first in a name.
     made->name = plain.name + "@" + std::string(variant.name);
     made->variant = variant.name;
     all.push_back(std::move(*made));
@@ -68,6 +69,7 @@ std::vector<Workload> make_batch(int batch, std::span<const Workload> all_plain)
   for (const Workload& plain : all_plain) {
     if (!plain.has_tag("dnn")) continue;
     Workload& made = all.emplace_back(dnn::batched(plain, batch));
+    made.at_size = {};
     made.variant = std::string(kBatch) + std::to_string(batch);
     made.name = plain.name + "@" + made.variant;
   }
@@ -76,7 +78,7 @@ std::vector<Workload> make_batch(int batch, std::span<const Workload> all_plain)
 
 /// 8 of "fc6@batch8"; nothing where the name is not of that form or the batch is out of range.
 std::optional<int> batch_of(std::string_view name) {
-  const auto at = name.find('@');
+  const auto at = name.rfind('@');
   if (at == std::string_view::npos || !name.substr(at + 1).starts_with(kBatch)) return std::nullopt;
   const std::string_view digits = name.substr(at + 1 + kBatch.size());
   int batch = 0;
@@ -116,16 +118,32 @@ std::span<const Workload> WorkloadList::in_batch(int batch) const {
 }
 
 const Workload* WorkloadList::at_size(const Workload& plain, std::string_view text) const {
-  const auto size = own::size_from(text);
+  const auto end = std::min(text.find('@'), text.size());
+  const auto size = own::size_from(text.substr(0, end));
   if (!size || !plain.at_size) return nullptr;
+  const std::string canonical = own::to_string(*size) + std::string(text.substr(end));
   const std::lock_guard lock(sizes_mutex_);
-  auto& made = sizes_[{&plain, std::string(text)}];
-  if (made == nullptr) {
-    made = std::make_unique<Workload>(plain.at_size(size->width, size->height));
-    made->name = plain.name + "@" + own::to_string(*size);
-    made->tags = plain.tags;
+  auto& made = sizes_[{&plain, canonical}];
+  if (!made.empty()) return &made.back();
+  Workload sized = plain.at_size(size->width, size->height);
+  sized.name = plain.name + "@" + own::to_string(*size);
+  sized.tags = plain.tags;
+  sized.at_size = {};
+  const std::string name = plain.name + "@" + canonical;
+  const std::span<const Workload> one(&sized, 1);
+  std::vector<Workload> further;
+  for (const Variant& variant : kVariants) {
+    if (end < text.size())
+      std::ranges::move(make_variant(variant, one), std::back_inserter(further));
   }
-  return made.get();
+  if (const auto batch = batch_of(name)) further = make_batch(*batch, one);
+  if (end == text.size()) {
+    made.push_back(std::move(sized));
+  } else {
+    std::erase_if(further, [&name](const Workload& each) { return each.name != name; });
+    made = std::move(further);
+  }
+  return made.empty() ? nullptr : &made.back();
 }
 
 const Workload* WorkloadList::try_find(std::string_view name) const {

@@ -3,7 +3,6 @@
 
 #include <array>
 #include <map>
-#include <memory>
 #include <mutex>
 #include <span>
 #include <string>
@@ -45,12 +44,14 @@ class WorkloadList {
     std::vector<Workload> workloads;
   };
   mutable std::array<Made, kLargestBatch + 1> batches_;
-  /// @param size  "1280x720"; null where it is none, or @p plain has no other sizes.
+  /// @param size  "1280x720", also with a variant or a batch: "1280x720@map"; null where it is
+  /// none,
+  ///              or @p plain has no other sizes.
   [[nodiscard]] const Workload* at_size(const Workload& plain, std::string_view size) const;
 
   mutable std::mutex sizes_mutex_;
-  /// By name; of those of others' (own_list.h) by what they were made of, too.
-  mutable std::map<std::pair<const Workload*, std::string>, std::unique_ptr<Workload>> sizes_;
+  /// One or none, by what they were made of and the rest of the name; not moved once made.
+  mutable std::map<std::pair<const Workload*, std::string>, std::vector<Workload>> sizes_;
   mutable std::once_flag variants_once_;
   mutable std::vector<std::vector<Workload>> variants_;
 };

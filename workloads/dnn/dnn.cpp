@@ -115,6 +115,12 @@ Workload make_conv2d_relu(std::string name, const ConvShape& s) {
   w.ops = ops;
   w.padding_ops = conv2d_padding_ops(s);
   if (s.in_c == 3) w.tags.emplace_back("image");
+  w.at_size = [plain = w.name, s](int width, int height) {
+    ConvShape sized = s;
+    sized.in_w = width;
+    sized.in_h = height;
+    return make_conv2d_relu(plain, sized);
+  };
   w.verify = verify_close(sum_tolerance(std::int64_t{s.in_c} * s.k_h * s.k_w));
   return finish_layer(std::move(w));
 }
@@ -137,6 +143,9 @@ Workload make_max_pool(std::string name, int channels, int in_h, int in_w, int s
   w.inputs = {{"input", Element::kF32, {channels, in_h, in_w}}};
   w.outputs = {{"output", Element::kF32, {channels, op->out_h(), op->out_w()}}};
   w.verify = verify_close(0.0);  // a maximum rounds nothing
+  w.at_size = [=, plain = w.name](int width, int height) {
+    return make_max_pool(plain, channels, height, width, size, stride);
+  };
   return finish_layer(std::move(w));
 }
 

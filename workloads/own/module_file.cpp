@@ -1,10 +1,13 @@
 // Modules: shared libraries that export pirt_module_v1 (module.h).
 #include <dlfcn.h>
 #include <fmt/core.h>
+#include <link.h>
 
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -372,9 +375,28 @@ Definition definition_of(const pirt_workload& given, const std::string& file) {
   return made;
 }
 
+/// The loader maps what a library says it has: of one that is cut off, the first look at what is
+/// missing would end the process.
+void check_whole(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  const auto size = std::filesystem::file_size(file);
+  ElfW(Ehdr) head{};
+  in.read(reinterpret_cast<char*>(&head), sizeof head);
+  bool whole = in.good() && head.e_phentsize == sizeof(ElfW(Phdr));
+  in.seekg(static_cast<std::streamoff>(head.e_phoff));
+  for (int i = 0; whole && i < head.e_phnum; ++i) {
+    ElfW(Phdr) part{};
+    in.read(reinterpret_cast<char*>(&part), sizeof part);
+    whole = in.good() && (part.p_type != PT_LOAD ||
+                          (part.p_offset <= size && part.p_filesz <= size - part.p_offset));
+  }
+  if (!whole) throw_bad_input(file.string() + " is no library, or is cut off; build it again");
+}
+
 }  // namespace
 
 std::vector<Definition> load_module(const std::filesystem::path& file) {
+  check_whole(file);
   // What one library brings does not meet what another one calls the same.
   void* const library = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) {

@@ -179,7 +179,7 @@ class Process {
   }
   [[noreturn]] void fail_ended() {
     // Its end of the pipe may close a moment before it is gone.
-    for (int i = 0; i < 100 && !has_ended(); ++i) ::poll(nullptr, 0, 10);
+    for (int i = 0; i < 500 && !has_ended(); ++i) ::poll(nullptr, 0, 10);
     if (!has_ended()) fail("closed its standard output");
     if (WIFSIGNALED(status_)) fail(fmt::format("crashed (signal {})", WTERMSIG(status_)));
     if (WEXITSTATUS(status_) == 127) fail("cannot be started");

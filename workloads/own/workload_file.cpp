@@ -23,6 +23,16 @@ namespace fs = std::filesystem;
 constexpr Nanos kStartLimit = std::chrono::seconds(60), kCallLimit = std::chrono::seconds(10);
 constexpr double kLongestLimitMs = 3'600'000;
 
+/// What @p read says is wrong, said of the node.
+template <typename Read>
+auto at_place(const YamlNode& node, const Read& read) {
+  try {
+    return read();
+  } catch (const Error& error) {
+    node.fail(error.what());
+  }
+}
+
 /// Relative to the file's folder.
 fs::path place(const fs::path& file, const std::string& named) {
   return (file.parent_path() / named).lexically_normal();
@@ -35,11 +45,7 @@ std::vector<TensorSpec> read_tensors(const YamlNode& node) {
     const YamlNode each = node.at(name);
     const YamlNode tensor = each.is_map() ? each.at("tensor") : each;
     if (each.is_map()) each.check_keys({"tensor", "range"});
-    try {
-      specs.push_back(tensor_from(name, tensor.text()));
-    } catch (const Error& error) {
-      tensor.fail(error.what());
-    }
+    specs.push_back(at_place(tensor, [&] { return tensor_from(name, tensor.text()); }));
     if (!each.is_map() || !each.has("range")) continue;
     const auto ends = each.at("range").items();
     if (ends.size() != 2) each.at("range").fail("needs two numbers, the least and the largest");
@@ -98,7 +104,8 @@ OpenclArgument read_argument(const YamlNode& node, const Definition& definition)
 void read_opencl(const fs::path& file, const YamlNode& node, Definition& definition) {
   node.check_keys({"source", "kernel", "global", "local", "args", "options"});
   const fs::path path = place(file, node.at("source").text());
-  OpenclSource source{.file = path.string(), .text = read_text(path), .kernel = {}, .options = {}};
+  const auto text = at_place(node.at("source"), [&] { return read_text(path); });
+  OpenclSource source{.file = path.string(), .text = text, .kernel = {}, .options = {}};
   source.kernel = node.at("kernel").text();
   source.global = read_extents(node.at("global"));
   if (node.has("local")) source.local = read_extents(node.at("local"));
@@ -198,14 +205,14 @@ class NetworkKernel final : public Kernel {
 };
 
 /// What the network makes of its input.
-std::vector<TensorSpec> outputs_of(recognition::Network& network, const YamlNode& node,
-                                   const TensorSpec& input) {
+std::vector<TensorSpec> outputs_of(recognition::Network& network, const TensorSpec& input) {
   const std::vector<float> zeros(static_cast<std::size_t>(input.count()));
   const std::vector<int> shape(input.shape.begin(), input.shape.end());
   std::string error;
   const auto results = network.run(zeros, shape, 0, error);
   if (!error.empty()) {
-    node.fail("does not run on " + input.describe() + ": " + error + "; is that its input?");
+    throw_bad_input("it does not run on " + input.describe() + ": " + error +
+                    "; is that its input?");
   }
   std::vector<TensorSpec> specs;
   for (const auto& result : results) {
@@ -229,13 +236,13 @@ void read_network(const fs::path& file, const YamlNode& node, Definition& defini
   if (!one_input) {
     network.fail("needs one input of fixed size, such as inputs: {picture: \"f32[1,3,416,416]\"}");
   }
-  check({.name = definition.name,
-         .inputs = definition.inputs,
-         .outputs = definition.inputs,
-         .backends = {"cpu"}},
-        network.location());
-  const auto outputs =
-      outputs_of(*recognition::open_network(model, config), network, definition.inputs.front());
+  Definition input = definition;  // Before a network is asked for as much memory.
+  input.outputs = {tensor_from("output", "f32[1]")};
+  input.backends = {"cpu"};
+  check(input, network.location());
+  const auto outputs = at_place(network, [&] {
+    return outputs_of(*recognition::open_network(model, config), definition.inputs.front());
+  });
   if (definition.outputs.empty()) definition.outputs = outputs;
   const bool same =
       std::ranges::equal(definition.outputs, outputs, {}, &TensorSpec::shape, &TensorSpec::shape);
@@ -300,7 +307,8 @@ std::vector<Definition> read_workload_file(const fs::path& file, const std::stri
       continue;
     }
     node.check_keys({"module"});
-    auto modules = load_module(place(file, node.at("module").text()));
+    auto modules = at_place(node.at("module"),
+                            [&] { return load_module(place(file, node.at("module").text())); });
     std::ranges::move(modules, std::back_inserter(all));
   }
   return all;

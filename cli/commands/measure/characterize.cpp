@@ -397,13 +397,16 @@ std::string doubted_text(const Profile& profile, const CampaignOptions& campaign
     why.insert(row.doubts.begin(), row.doubts.end());
   }
   if (rows == 0) return "";
+  const std::vector names(workloads.begin(), workloads.end());
+  std::string files;
+  for (const std::string& file : files_of(names)) files += " --workloads " + path_in_shell(file);
   return fmt::format(
       "{} rows are uncertain ({}), and used as they are: `pirt doctor` says what disturbs this "
-      "machine; when it is quiet, or with more time (--max-time): pirt characterize --platform {} "
-      "--db {} --filter '^({})$'",
+      "machine; when it is quiet, or with more time (--max-time): pirt characterize --platform "
+      "{}{} --db {} --filter '^({})$'",
       rows, join(std::vector(why.begin(), why.end()), ", "),
-      path_in_shell(campaign.platform_argument), path_in_shell(campaign.database.string()),
-      join(std::vector(workloads.begin(), workloads.end()), "|"));
+      path_in_shell(campaign.platform_argument), files, path_in_shell(campaign.database.string()),
+      join(names, "|"));
 }
 
 /// What the clock does to a sample: batches keep it below 0.1 % of any phase (measure.h).

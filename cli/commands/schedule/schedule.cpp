@@ -157,10 +157,9 @@ Inputs read_inputs(const ScheduleFlags& options) {
                     " is about the rows of a profile; give one with --profile");
   }
   const auto overrides = parse_overrides(options.settings);
-  auto read = read_platform(options.platform, options.profile, overrides);
+  auto read = read_platform(options.platform, options.profile, overrides, own);
   inputs.platform = std::move(read.platform);
   inputs.profile = std::move(read.profile);
-  if (inputs.profile) doubt_rows(*inputs.profile, own);
   inputs.mix = load_mix(options.mix);  // The profile says what workloads of its own it has.
   if (inputs.profile && find_draw(options.draw) == Draw::kSamples) {
     ProfileReader(*options.profile).read_samples(*inputs.profile);

@@ -10,6 +10,7 @@
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/own.h"
 #include "cli/options/profile_platform.h"
 #include "cli/options/values.h"
 #include "reports/document/document.h"
@@ -25,6 +26,7 @@ namespace {
 struct WhatIfFlags {
   std::string mix = "full-robot";
   std::optional<std::string> profile, platform;
+  OwnFiles own;
   std::vector<std::string> settings, without;
   std::vector<std::string> modes;
   std::optional<std::string> raise, lower, power_cap, duration;
@@ -45,12 +47,13 @@ WhatIfChange change_of(const WhatIfFlags& options, const Mix& mix) {
 }
 
 int find_what_breaks(const WhatIfFlags& options) {
-  const Mix mix = load_mix(options.mix);
-  const WhatIfChange change = change_of(options, mix);
   if (!options.profile && !options.platform) {
     throw_bad_input("give --profile FILE, or --platform with a modelled one (pirt list platforms)");
   }
-  auto read = read_platform(options.platform, options.profile, parse_overrides(options.settings));
+  auto read = read_platform(options.platform, options.profile, parse_overrides(options.settings),
+                            options.own.all(options.mix));
+  const Mix mix = load_mix(options.mix);  // The profile says what workloads of its own it has.
+  const WhatIfChange change = change_of(options, mix);
   ScheduleOptions schedule;
   schedule.draw = find_draw(options.draw);
   if (read.profile && schedule.draw == Draw::kSamples) {
@@ -89,6 +92,7 @@ void add_what_if(CLI::App& app, Action& action) {
   auto options = std::make_shared<WhatIfFlags>();
   Command command(app, "what-if",
                   "Find what breaks first when a rate rises or the power shrinks, mode by mode");
+  add_workloads(command, options->own);
   add_input(command, "--mix", &options->mix, "A name of `pirt list mixes`, or a YAML file",
             FileUse::kReadIfFile)
       .shows_default();

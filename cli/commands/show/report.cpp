@@ -142,9 +142,7 @@ FoundPlatform find_platform(const ReportFlags& options, const Profile& profile) 
 }
 
 /// With all modes in virtual time; a profile of a platform that is not known goes without.
-Machine read_machine(const ReportFlags& options, const std::string& file, const Mix& mix,
-                     bool samples) {
-  auto profile = open_profile(options, file, samples);
+Machine read_machine(const ReportFlags& options, Profile profile, const Mix& mix) {
   auto found = find_platform(options, profile);
   return machine_of(std::move(profile), std::move(found.platform), mix, found.why_not,
                     options.strict);
@@ -207,9 +205,11 @@ int report_all(const ReportFlags& options) {
   ReportInputs inputs;
   for (const auto& file : files.runs) inputs.runs.push_back(load_run_record(file));
   for (const auto& file : files.traces) inputs.timelines.push_back(load_timeline(file));
-  inputs.mix = load_mix(options.mix);
-  for (const auto& file : files.databases) {
-    inputs.machines.push_back(read_machine(options, file, inputs.mix, true));
+  std::vector<Profile> profiles;
+  for (const auto& file : files.databases) profiles.push_back(open_profile(options, file, true));
+  inputs.mix = load_mix(options.mix);  // Profiles say what workloads of their own they have.
+  for (Profile& profile : profiles) {
+    inputs.machines.push_back(read_machine(options, std::move(profile), inputs.mix));
   }
   if (inputs.machines.empty() && inputs.runs.empty()) {
     inputs.modelled = modelled_runs(options, inputs.mix, policy_names());
@@ -284,8 +284,8 @@ int report_offload(const ReportFlags& options) {
 }
 
 int report_compare(const ReportFlags& options) {
-  const auto mix = load_mix(options.mix);
   if (options.files.empty()) {
+    const auto mix = load_mix(options.mix);
     const auto modes = modelled_runs(options, mix, paper_modes());
     auto document = comparison_document(modes, mix, false);
     document.title = "pirt report compare";
@@ -294,6 +294,7 @@ int report_compare(const ReportFlags& options) {
   }
   const auto profile = open_profile(options, only_file(options, "compare"), false);
   const auto found = find_platform(options, profile);
+  const auto mix = load_mix(options.mix);
   const auto modes =
       runs_of(profile, found.platform, mix, paper_modes(), found.why_not, options.strict);
   write(options, brief_document(profile, modes, mix), [&] { return brief_json(profile, modes); });
@@ -307,16 +308,17 @@ int report_paper(const ReportFlags& options) {
     throw_bad_input("pirt report paper takes profile databases, not '" +
                     (files.runs.empty() ? files.traces : files.runs).front() + "'");
   }
+  std::optional<Profile> profile;
+  if (!files.databases.empty()) profile = open_profile(options, files.databases.front(), false);
   const auto mix = load_mix(options.mix);
   std::optional<Machine> machine;
+  if (profile) {
+    machine = read_machine(options, *std::move(profile), mix);
+    machine->table5 = table5_of(*machine);
+  }
   std::vector<Profile> others;
-  for (const auto& file : files.databases) {
-    if (machine) {
-      others.push_back(open_other(file));
-    } else {
-      machine = read_machine(options, file, mix, false);
-      machine->table5 = table5_of(*machine);
-    }
+  for (std::size_t i = 1; i < files.databases.size(); ++i) {
+    others.push_back(open_other(files.databases[i]));
   }
   const auto paper = run_paper();
   const Machine* evidence = machine ? &*machine : nullptr;
