@@ -29,6 +29,47 @@ std::vector<std::string> shown_behind(const std::string& command) {
   return {line, end};
 }
 
+/// The block of README that begins with @p line, up to its end.
+std::string block_with(const std::string& line) {
+  const auto readme = slurp(std::string(kSourceFolder) + "/README.md");
+  const auto begin = readme.find(line);
+  EXPECT_NE(begin, std::string::npos);
+  return readme.substr(begin, readme.find("```", begin) - begin);
+}
+
+TEST(Readme, ARobotInTenLinesIsScheduled) {
+  const Scratch scratch;
+  const std::string text = block_with("mix: mine");
+  EXPECT_LE(std::ranges::count(text, '\n'), 10);
+  const auto mix = scratch.write("robot.yaml", text);
+  const auto outcome =
+      pirt({"schedule", "--platform", "fake", "--mix", mix, "--compare", "latency,ect,edf,budget"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("Take "), HasSubstr("camera, p99 of 33.0 ms")));
+}
+
+TEST(Readme, AKernelInTwentyLinesIsMeasuredAndScheduled) {
+  const Scratch scratch;
+  const std::string text = block_with("#include <pirt/module.hpp>");
+  EXPECT_LE(std::ranges::count(text, '\n'), 20);
+  const auto source = scratch.write("mine.cpp", text);
+  const auto include = std::filesystem::path(kProgram).parent_path() / "include";
+  const auto built = run("c++ -std=c++17 -O2 -fPIC -shared -fvisibility=hidden -Wall -Wextra -I" +
+                         quoted(include.string()) + " " + quoted(source) + " -o " +
+                         quoted(scratch.file("libmine.so")));
+  ASSERT_EQ(built.exit_code, 0) << built.err;
+  EXPECT_EQ(built.err, "");
+  const auto measured = pirt({"characterize", "--workloads", scratch.file("libmine.so"), "--units",
+                              "cpu", "--quick", "--max-time", "6s", "--db", scratch.file("p.db")});
+  ASSERT_EQ(measured.exit_code, 0) << measured.err;
+  const auto mix = scratch.write("mine.yaml",
+                                 "mix: mine\npipelines:\n  a: {rate_hz: 30, deadline_ms: 33, "
+                                 "tasks: [{name: t, workload: mine.threshold}]}\n");
+  const auto outcome = pirt(
+      {"schedule", "--mix", mix, "--profile", scratch.file("p.db"), "--compare", "ect,budget"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+}
+
 TEST(Readme, FirstResultIsWhatItsCommandPrints) {
   const std::string command =
       "schedule --platform snapdragon820 --mix convolution-1000 --compare "
