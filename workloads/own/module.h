@@ -1,7 +1,7 @@
 /* pirt's interface for workloads of your own: what a shared library gives pirt. C99; <pirt/module.hpp> is a C++ face on it.
  *
  * A module is a shared library with one function, pirt_module_v1(), which returns a table of workloads. pirt loads it where it
- * measures or runs them (`--workloads libmine.so`, RuntimeOptions::sources), with RTLD_LOCAL, and never unloads it.
+ * measures or runs them (`--workloads libmine.so`, RuntimeOptions::files), with RTLD_LOCAL, and never unloads it.
  *
  * The rules:
  * - Each struct begins with its size and PIRT_MODULE_VERSION: PIRT_HEAD(pirt_workload). A later version appends fields; a library

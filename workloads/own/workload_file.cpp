@@ -101,10 +101,34 @@ OpenclArgument read_argument(const YamlNode& node, const Definition& definition)
   return {.tensor = name, .element = Element::kI32, .value = 0};
 }
 
+/// The source with the files beside it that it includes in the place of their lines: drivers differ
+/// in how they are told of a folder.
+/// @param files  Gets those that were read.
+std::string with_includes(const fs::path& file, std::vector<fs::path>& files) {
+  constexpr std::string_view kInclude = "#include \"";
+  constexpr std::size_t kMostFiles = 100;
+  if (files.size() >= kMostFiles) throw_bad_input(file.string() + ": it includes itself");
+  files.push_back(file);
+  std::string text;
+  for (const std::string& line : split(read_text(file), '\n')) {
+    const auto end = line.find('"', kInclude.size());
+    if (!line.starts_with(kInclude) || end == std::string::npos) {
+      text += line + '\n';
+      continue;
+    }
+    const std::string name = line.substr(kInclude.size(), end - kInclude.size());
+    text += with_includes(place(file, name), files);
+  }
+  return text;
+}
+
 void read_opencl(const fs::path& file, const YamlNode& node, Definition& definition) {
   node.check_keys({"source", "kernel", "global", "local", "args", "options"});
   const fs::path path = place(file, node.at("source").text());
-  const auto text = at_place(node.at("source"), [&] { return read_text(path); });
+  const auto text = at_place(node.at("source"), [&] {
+    std::vector<fs::path> files;
+    return with_includes(path, files);
+  });
   OpenclSource source{.file = path.string(), .text = text, .kernel = {}, .options = {}};
   source.kernel = node.at("kernel").text();
   source.global = read_extents(node.at("global"));
@@ -318,7 +342,7 @@ std::vector<fs::path> named_files(const fs::path& file, const std::string& text)
   std::vector<fs::path> files;
   for (const YamlNode& node : root_of(file, text).items()) {
     if (node.has("opencl") && node.at("opencl").has("source")) {
-      files.push_back(place(file, node.at("opencl").at("source").text()));
+      static_cast<void>(with_includes(place(file, node.at("opencl").at("source").text()), files));
     }
     for (const char* key : {"module", "network", "config"}) {
       if (node.has(key)) files.push_back(place(file, node.at(key).text()));

@@ -1,6 +1,7 @@
 // What a runtime is made of, and what it refuses: workloads, profiles, states, units.
 #include "scheduler/runtime/runtime.h"
 #include "tests/scheduler/runtime/runtime_support.h"
+#include "tests/support/paths.h"
 #include "tests/workloads/inputs/sequence_support.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"
@@ -120,6 +121,39 @@ TEST(Runtime, WithAProfileUnitsServeWhatTheyHaveValidRowsOf) {
   auto made = std::vector{background("small", 40, 30)};
   EXPECT_THAT(refusal(options_for(profile_of_sobel(true, true), std::move(made))),
               HasSubstr("'small' is none of the catalogue's"));
+}
+
+TEST(Runtime, NeverTakesTheRowsOfAnotherSize) {
+  const auto options_for = [](Profile profile) {
+    RuntimeOptions options = options_with({});
+    options.profile = std::move(profile);
+    options.made = {vision::make_sobel(64, 48)};
+    return options;
+  };
+  EXPECT_THAT(refusal(options_for(profile_of_sobel(true, true))),
+              AllOf(HasSubstr("no rows of sobel in this size"), HasSubstr("sobel@64x48")));
+  Profile measured = profile_of_sobel(true, true);
+  for (PhaseRow& row : measured.phases) row.workload = "sobel@64x48";
+  Runtime runtime(options_for(measured));
+  const auto images = generated_images(1);
+  const Data data = vision::make_sobel(64, 48).make_data({.seed = 1, .images = images.get()});
+  EXPECT_EQ(runtime.submit("sobel", {data.inputs[0]}).wait(), TaskEnd::kCompleted);
+}
+
+TEST(Runtime, ServesWorkloadsOfFiles) {
+  RuntimeOptions options = options_with({});
+  options.files = {test::kExampleModule};
+  options.workloads = {"mine.sobel@64x48", "sobel@64x48"};
+  Runtime runtime(std::move(options));
+  const auto images = generated_images(1);
+  const Data data = vision::make_sobel(64, 48).make_data({.seed = 1, .images = images.get()});
+  const auto mine = runtime.submit("mine.sobel@64x48", {data.inputs[0]});
+  const auto theirs = runtime.submit("sobel@64x48", {data.inputs[0]});
+  EXPECT_TRUE(verify_exact(mine.get(), theirs.get()).ok);
+  RuntimeOptions absent = options_with({});
+  absent.files = {"/no/such/libmine.so"};
+  absent.workloads = {"sobel"};
+  EXPECT_THAT(refusal(std::move(absent)), HasSubstr("libmine.so"));
 }
 
 TEST(Runtime, TasksOfAStateHoldItOneAtATimeInOrder) {

@@ -131,6 +131,24 @@ TEST_F(WorkloadFile, NamesThePlaceOfWhatIsWrong) {
       "two workloads");
 }
 
+TEST_F(WorkloadFile, TakesWhatASourceIncludes) {
+  const auto file = write("w.yaml",
+                          "workloads:\n  - name: my.k\n    outputs: {a: \"u8[4]\"}\n"
+                          "    opencl: {source: k.cl, kernel: k, global: [4], args: [a]}\n");
+  write("k.cl", "#include \"ten.h\"\n__kernel void k(__global uchar* a) { a[0] = TEN; }\n");
+  EXPECT_THAT(test::bad_input([&] { static_cast<void>(load(file)); }), HasSubstr("ten.h"));
+  write("ten.h", "#define TEN 10\n");
+  const auto all = load(file);
+  const Workload made = find(all, "my.k");
+  EXPECT_THAT(own_operation(made)->opencl->text,
+              AllOf(HasSubstr("#define TEN 10"), testing::Not(HasSubstr("ten.h"))));
+  write("ten.h", "#define TEN 11\n");
+  EXPECT_NE(digest_of(file), all.front().digest);
+  write("ten.h", "#include \"ten.h\"\n");
+  EXPECT_THAT(test::bad_input([&] { static_cast<void>(load(file)); }),
+              HasSubstr("includes itself"));
+}
+
 TEST_F(WorkloadFile, ItsDigestIsOfWhatItNamesToo) {
   const auto file = write("w.yaml",
                           "workloads:\n  - name: my.k\n    outputs: {a: \"u8[4]\"}\n"

@@ -2,6 +2,7 @@
 
 #include "workloads/backends/nats/wire/tensors.h"
 #include "workloads/dnn/dnn.h"
+#include "workloads/own/definition.h"
 #include "workloads/recognition/scene_workload.h"
 #include "workloads/recognition/specs.h"
 #include "workloads/vision/vision.h"
@@ -44,11 +45,8 @@ std::optional<Workload> made_in(const Workload& kind, std::span<const std::int64
           dynamic_cast<const recognition::DescribeByModels*>(kind.operation.get())) {
     return recognition::resized(*scene, width, height);
   }
-  for (const vision::Entry& entry : vision::entries()) {
-    // What others' makers take, nobody asked.
-    if (entry.make(entry.width, entry.height).name == kind.name) return entry.make(width, height);
-  }
-  return std::nullopt;
+  if (!kind.at_size) return std::nullopt;
+  return kind.at_size(width, height);
 }
 
 }  // namespace
@@ -58,6 +56,9 @@ Kind kind_of(const Workload& workload) {
   if (workload.batch > 1 && workload.variant == suffix && workload.name.ends_with("@" + suffix)) {
     return {workload.name.substr(0, workload.name.size() - suffix.size() - 1), {workload.batch}};
   }
+  const std::string plain = workload.name.substr(0, workload.name.find('@'));
+  const std::string rest = workload.name.substr(std::min(plain.size() + 1, workload.name.size()));
+  if (const auto size = own::size_from(rest)) return {plain, {size->width, size->height}};
   const Operation* const operation = workload.operation.get();
   if (const auto* const scene = dynamic_cast<const recognition::DescribeByModels*>(operation)) {
     const Workload known =

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "workloads/backends/nats/wire/bytes.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/recognition/scene_workload.h"
 
 namespace pirt::cloud {
@@ -105,6 +106,7 @@ Digest spec_digest(const Workload& workload) {
           dynamic_cast<const recognition::DescribeByModels*>(workload.operation.get())) {
     out(scene->fingerprint);
   }
+  if (const OwnOperation* const own = own_operation(workload)) out(own->digest);
   return digest_of(out.take());
 }
 

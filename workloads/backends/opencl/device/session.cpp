@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <stdexcept>
 
 #include "opencl_files.h"
@@ -96,8 +95,7 @@ cl::Program build_program(const DeviceSession& session, std::string_view name,
 
 cl::Program build_own_program(const DeviceSession& session, const std::string& file,
                               const std::string& source, const std::string& options) {
-  const std::string folder = std::filesystem::path(file).parent_path().string();
-  return build(session, file, source, " -I\"" + folder + "\"" + options);
+  return build(session, file, source, options);
 }
 
 }  // namespace pirt::opencl

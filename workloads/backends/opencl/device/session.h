@@ -55,9 +55,8 @@ struct DeviceSession {
                                         std::string_view source,
                                         const std::string& definitions = {});
 
-/// The same of somebody else's source, without definitions of the tuning and embedded files; what
-/// it includes is looked for beside it.
-/// @param file  With its folder.
+/// The same of somebody else's source, without definitions of the tuning and embedded files.
+/// @param file  For messages.
 [[nodiscard]] cl::Program build_own_program(const DeviceSession& session, const std::string& file,
                                             const std::string& source, const std::string& options);
 
