@@ -55,11 +55,11 @@ compile_jobs() {
   printf '%s\n' $((fit < 1 ? 1 : fit < cores ? fit : cores))
 }
 
-# build_pirt FOLDER [CMAKE_ARGUMENT...]: configures and builds.
+# build_pirt FOLDER [CMAKE_ARGUMENT...]: configures and builds all, or what PIRT_TARGET names.
 build_pirt() {
   local folder=$1
   shift
   say "build: $folder"
   cmake -S . -B "$folder" -G Ninja "$@" >/dev/null
-  cmake --build "$folder" -j "$(compile_jobs)"
+  cmake --build "$folder" -j "$(compile_jobs)" ${PIRT_TARGET:+--target "$PIRT_TARGET"}
 }

@@ -159,6 +159,12 @@ ModeAnswer answer_of(const ModeRuns& modes) {
   if (kept.empty()) {
     best = best_by(all, "real_time_losses");
     answer.modes = modes_of(best);
+    if (all.size() == 1) {
+      answer.sentence =
+          fmt::format("{} does not keep up: {} real-time firings are late or dropped.",
+                      best.front()->mode, real_time_losses(*best.front()));
+      return answer;
+    }
     answer.sentence = fmt::format(
         "No mode keeps up. Take {}: with {} real-time firings late or dropped, it loses the "
         "fewest{}.",
@@ -176,6 +182,14 @@ ModeAnswer answer_of(const ModeRuns& modes) {
                                                   energy_text(first), figure(first.makespan_s))
                                     : "has the least " + tail_name(modes.runs) +
                                           (has_deadlines(modes.runs) ? ", " + figure(tail) : "");
+  if (all.size() == 1) {  // Who has one to choose of chooses none.
+    answer.sentence =
+        first.mode + " keeps up" +
+        (by_energy ? fmt::format(", with {} in {} s", energy_text(first), figure(first.makespan_s))
+                   : "") +
+        ".";
+    return answer;
+  }
   answer.sentence = best.size() == 1
                         ? fmt::format("Take {}: {}, and it {}.", first.mode, of, why)
                         : fmt::format("Take {}: {}, and these cannot be told apart; {} {}.",

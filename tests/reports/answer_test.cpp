@@ -111,6 +111,15 @@ TEST(ModeAnswer, IfNoneKeepsUpTheFewestLosses) {
       "No mode keeps up. Take b: with 8 real-time firings late or dropped, it loses the fewest.");
 }
 
+TEST(ModeAnswer, ChoosesNoneOfOne) {
+  EXPECT_THAT(answer_of({.runs = {run("edf", 3, 10)}}).sentence,
+              StartsWith("edf keeps up, with ~3.00 J in "));
+  RunRecord late = run("edf", 3, 50);
+  late.pipelines[0].deadline_misses = 4;
+  EXPECT_EQ(answer_of({.runs = {late}}).sentence,
+            "edf does not keep up: 4 real-time firings are late or dropped.");
+}
+
 TEST(ModeAnswer, SaysWhatIsUncertain) {
   RunRecord record = run("a", 1, 10);
   record.figures = 62;
