@@ -6,6 +6,7 @@
 #include <set>
 
 #include "characterize/profile/identity.h"
+#include "characterize/profile/own_rows.h"
 #include "characterize/profile/store/reader.h"
 #include "characterize/worker/job.h"
 #include "workloads/base/error.h"
@@ -177,6 +178,12 @@ void check_identity(const RunInfo& run, const Environment& facts) {
   for (const auto& each : compare_program(run, now)) {
     changed.push_back(
         fmt::format("{} ({} was {} and is {})", each.why, each.field, text(each.a), text(each.b)));
+  }
+  for (auto fact = run.environment.lower_bound(std::string(kOwnFact));
+       fact != run.environment.end() && fact->first.starts_with(kOwnFact); ++fact) {
+    const auto other = facts.find(fact->first);
+    if (other == facts.end() || other->second == fact->second) continue;
+    changed.push_back(fact->first.substr(kOwnFact.size()) + " was built anew");
   }
   if (changed.empty()) return;
   throw_bad_input(fmt::format(

@@ -15,8 +15,6 @@
 namespace pirt {
 namespace {
 
-constexpr std::string_view kPrefix = "workload.";
-
 own::Definition definition_of(const RunInfo& run, const std::string& key, const std::string& text) {
   try {
     return own::definition_from(parse_json(text));
@@ -29,8 +27,8 @@ own::Definition definition_of(const RunInfo& run, const std::string& key, const 
 /// Calls @p use(definition) for those that the run says.
 template <typename Use>
 void for_each_definition(const RunInfo& run, const Use& use) {
-  for (auto fact = run.environment.lower_bound(std::string(kPrefix));
-       fact != run.environment.end() && fact->first.starts_with(kPrefix); ++fact) {
+  for (auto fact = run.environment.lower_bound(std::string(kOwnFact));
+       fact != run.environment.end() && fact->first.starts_with(kOwnFact); ++fact) {
     use(definition_of(run, fact->first, fact->second));
   }
 }
@@ -41,7 +39,7 @@ std::map<std::string, std::string> own_facts(const Workload& workload) {
   const OwnOperation* const own = own_operation(workload);
   if (own == nullptr) return {};
   const std::string name = workload.name.substr(0, workload.name.find('@'));
-  return {{std::string(kPrefix) + name, own->definition}};
+  return {{std::string(kOwnFact) + name, own->definition}};
 }
 
 void learn_workloads(const Profile& profile) {

@@ -4,12 +4,15 @@
 
 #include <map>
 #include <string>
+#include <string_view>
 
 #include "characterize/profile/profile.h"
 #include "workloads/model/workload.h"
 
 namespace pirt {
 
+/// What a fact of a run begins with that says what a workload is; its name follows.
+inline constexpr std::string_view kOwnFact = "workload.";
 /// The fact of a run that says what @p workload is; none for pirt's own.
 [[nodiscard]] std::map<std::string, std::string> own_facts(const Workload& workload);
 

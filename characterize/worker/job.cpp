@@ -311,6 +311,7 @@ std::string to_json(const Job& job) {
                   {"unit", unit},
                   {"workload", job.workload},
                   {"own", job.own},
+                  {"own_digest", job.own_digest},
                   {"seed", job.seed},
                   {"images", job.images},
                   {"reference", job.reference},
@@ -343,6 +344,7 @@ Job job_from_json(const std::string& text) {
                 unit.at("script"), unit.at("options").get<std::map<std::string, double>>()};
     job.workload = j.at("workload");
     job.own = j.at("own");
+    job.own_digest = j.at("own_digest");
     job.seed = j.at("seed");
     job.images = j.at("images");
     job.reference = j.at("reference");

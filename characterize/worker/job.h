@@ -39,6 +39,7 @@ struct Job {
   /// The file of somebody else's that has it (workloads/own/own.h), which is loaded before anything
   /// else is done; empty = it is pirt's.
   std::string own;
+  std::string own_digest;  ///< Of what that has to hold; empty = whatever it does.
   std::uint64_t seed = 1;
   std::string images;     ///< Path for images_from; empty = generated.
   std::string reference;  ///< File that kReference writes and kSample reads.

@@ -44,7 +44,10 @@ Nanos limit_of(const Job& job, Nanos limit) {
 /// With the file that its workload comes from.
 Job with_file(Job job) {
   if (const Workload* const workload = try_find_workload(job.workload)) {
-    if (const OwnOperation* const own = own_operation(*workload)) job.own = own->source;
+    if (const OwnOperation* const own = own_operation(*workload)) {
+      job.own = own->source;
+      job.own_digest = own->digest;
+    }
   }
   return job;
 }

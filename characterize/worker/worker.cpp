@@ -171,6 +171,9 @@ class Worker {
     Json definitions = Json::array();
     std::vector<Workload> workloads;
     for (const own::Definition& each : own::load(job_.own)) {
+      if (!job_.own_digest.empty() && each.digest != job_.own_digest) {
+        throw_environment(job_.own + " is not what it was when the run began; start a new run");
+      }
       definitions.push_back(own::to_json(each));
       workloads.push_back(own::to_workload(each));
     }

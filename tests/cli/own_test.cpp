@@ -16,7 +16,7 @@ class Own : public testing::Test {
   [[nodiscard]] Outcome characterize(const std::string& file, const std::string& filter,
                                      const std::string& units = "cpu") const {
     return pirt({"characterize", "--workloads", file, "--filter", filter, "--units", units,
-                 "--quick", "--max-time", "8s", "--db", database_});
+                 "--quick", "--max-time", "3s", "--db", database_});
   }
   const Scratch scratch_;
   const std::string database_ = scratch_.file("p.db");
@@ -26,7 +26,7 @@ TEST_F(Own, AModuleThatDoesWhatNoKernelShouldCostsOneCellEach) {
   const auto outcome =
       pirt({"characterize", "--workloads", kHostileModule, "--filter",
             "^bad\\.(good|crash|beyond|far_beyond|throws|prints|ends|thread|wrong)$", "--units",
-            "cpu", "--quick", "--max-time", "30s", "--db", database_});
+            "cpu", "--quick", "--max-time", "12s", "--db", database_});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, Not(HasSubstr("hello")));
   const auto why = [&](const std::string& name, const std::string& text) {
@@ -77,6 +77,18 @@ TEST_F(Own, IsScheduledWithoutItsCode) {
   const auto live = schedule(sized, {"--workloads", module, "--live", "--json", "-"});
   ASSERT_EQ(live.exit_code, 0) << live.err;
   EXPECT_EQ(live.json().at("completed"), 10);
+}
+
+TEST_F(Own, ARunIsNotGoneOnWithAnotherBuild) {
+  const std::string module = scratch_.write("libmine.so", slurp(kExampleModule));
+  // Its time is over before it has the processes that it needs.
+  const auto begun = pirt({"characterize", "--workloads", module, "--units", "cpu", "--max-time",
+                           "1s", "--db", database_});
+  EXPECT_THAT(begun.out + begun.err, HasSubstr("--resume"));
+  scratch_.write("libmine.so", slurp(kExampleModule) + " ");
+  const auto resumed = pirt({"characterize", "--resume", "--max-time", "20s", "--db", database_});
+  EXPECT_EQ(resumed.exit_code, 2);
+  EXPECT_THAT(resumed.err, HasSubstr("mine.sobel was built anew"));
 }
 
 TEST_F(Own, AWorkloadFileHasKernelsAndPrograms) {
