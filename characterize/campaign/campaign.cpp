@@ -337,7 +337,7 @@ class Campaign {
     cell.last_visit = clock_.now() - begin;
     writer_.write_visit(
         summary_.run_id, name_of(cell),
-        {cell.measurement->processes(), next->setup, to_record(*result) + "\n", elapsed()});
+        {cell.measurement->visits(), next->setup, to_record(*result) + "\n", elapsed()});
     cell.measurement->add(next->setup, std::move(*result));
     ++summary_.processes;
     return cell.measurement->next() || complete(cell);

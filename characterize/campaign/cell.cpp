@@ -89,6 +89,7 @@ std::optional<JobResult> CellMeasurement::run(JobKind kind) {
 }
 
 void CellMeasurement::add(State setup, JobResult result) {
+  if (!result.error.empty() && ++failures_ == 1) return;
   taken_.push_back({setup, std::move(result)});
   if (!failed() && processes() >= setups()) judge_samples();
 }
@@ -351,6 +352,11 @@ CellRecord CellMeasurement::record() const {
       cell.phases.push_back(std::move(*row));
     }
   }
+  if (failures_ > 0) {
+    for (PhaseRecord& row : cell.phases) {
+      row.notes.push_back(std::string(kFailedProcesses) + std::to_string(failures_));
+    }
+  }
   cell.conditions = condition_rows();
   const auto call = std::ranges::find(cell.phases, Phase::kCall, &PhaseRecord::phase);
   if (call != cell.phases.end()) {
@@ -555,7 +561,7 @@ CellRecord failed_cell(const CellRequest& request, const std::string& error) {
   CellMeasurement cell(request, unused);
   JobResult failure;
   failure.error = error;
-  cell.add(State::kCold, std::move(failure));
+  cell.taken_.push_back({State::kCold, std::move(failure)});
   return cell.record();
 }
 

@@ -64,7 +64,8 @@ class CellMeasurement {
   /// many processes again, whose samples take the place of the earlier ones, then more while the
   /// precision is not reached, which fewer than kFewestForPrecision do not tell. One cold and one
   /// warm where every figure repeats exactly: the second checks the first.
-  /// Nothing after a failure (its rows say why) and when all is done.
+  /// A process that fails is tried once more: a second failure ends the cell, and its rows say why.
+  /// Nothing then, and when all is done.
   [[nodiscard]] std::optional<Visit> next() const;
   /// Does next(), which must be there. @return What the worker found; nothing if the runner was
   /// stopped.
@@ -82,6 +83,8 @@ class CellMeasurement {
   /// Those of expected_visits() for the precision; nothing if a cell does not get as many.
   [[nodiscard]] std::optional<int> visits_to_precision() const;
   [[nodiscard]] int processes() const { return static_cast<int>(taken_.size()); }
+  /// Results taken in: the processes, and one that failed and was tried again.
+  [[nodiscard]] int visits() const { return processes() + (failures_ > 0 ? 1 : 0); }
   /// Whether it had all its set-ups, so that no more would add but sampling again.
   [[nodiscard]] bool has_set_ups() const { return failed() || processes() >= setups(); }
 
@@ -138,7 +141,8 @@ class CellMeasurement {
   bool cache_filled_ = false;
   std::string step_;  ///< The latest.
   std::vector<std::pair<std::string, std::string>> environment_;
-  std::vector<Taken> taken_;             ///< In order of time.
+  std::vector<Taken> taken_;  ///< In order of time; without the first that failed.
+  int failures_ = 0;
   std::optional<std::size_t> again_at_;  ///< How many had been taken when it turned out.
   std::string_view again_why_;           ///< "unstable".
   bool unstable_ = false;                ///< Of what is shown.

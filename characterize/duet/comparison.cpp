@@ -77,9 +77,18 @@ bool DuetCellState::decided() const {
 }
 
 bool DuetCellState::calls_decided() const {
-  return blocks > 0 && std::ranges::all_of(series, [](const auto& each) {
+  return blocks > 0 && cell.workload != kCommandCell &&
+         std::ranges::all_of(series, [](const auto& each) {
            return is_setup(each.first) || each.second.rule.verdict() != DuetVerdict::kUndecided;
          });
+}
+
+std::vector<std::string> DuetCellState::undecided() const {
+  std::vector<std::string> names;
+  for (const auto& [name, each] : series) {
+    if (each.rule.verdict() == DuetVerdict::kUndecided) names.push_back(name);
+  }
+  return names;
 }
 
 bool DuetCellState::wants_canary() const {
@@ -200,6 +209,14 @@ void DuetComparison::check(DuetCellState& state, const Event& event) {
   };
   compare("device", state.checks[0]->device, state.checks[1]->device);
   compare("input data", state.checks[0]->inputs, state.checks[1]->inputs);
+  for (const auto& [name, measure] : state.checks[0]->measures) {
+    const auto other = state.checks[1]->measures.find(name);
+    if (other == state.checks[1]->measures.end()) continue;
+    const auto text = [](const Measure& each) {
+      return each.unit + (each.higher_is_better ? ", higher is better" : ", lower is better");
+    };
+    compare(("figure " + name).c_str(), text(measure), text(other->second));
+  }
 }
 
 void DuetComparison::block(DuetCellState& state, const Event& event) {
@@ -218,7 +235,8 @@ void DuetComparison::block(DuetCellState& state, const Event& event) {
       if (series.without == kMostWithout) series.rule.give_up();
       continue;
     }
-    const double ratio = inner_to_outer(*times);
+    const double ratio =
+        series.measure.higher_is_better ? -inner_to_outer(*times) : inner_to_outer(*times);
     if (canary) {
       series.rule.add_canary(ratio);
       continue;
@@ -231,19 +249,26 @@ void DuetComparison::block(DuetCellState& state, const Event& event) {
   ++(canary ? state.canaries : state.blocks);
 }
 
-/// Of the phases that every process has; parts of a call only if they are more than a trifle of it.
+/// Of the figures that every process has; of phases, parts of a call only if they are more than a
+/// trifle of it.
 void DuetComparison::start_series(DuetCellState& state, const std::vector<Seconds>& seconds) {
-  const auto call = times_of(seconds, "call");
+  const bool has_phases = state.cell.workload != kCommandCell;
+  const auto call = has_phases ? times_of(seconds, "call") : std::nullopt;
   for (const auto& [phase, time] : seconds.front()) {
     const auto times = times_of(seconds, phase);
     if (!times) continue;
     const bool trifle =
         call && is_part_of_call(phase) &&
         *std::ranges::max_element(*times) < kLeastShare * *std::ranges::min_element(*call);
-    if (!trifle)
-      state.series.emplace(
-          phase,
-          DuetSeries{DuetRule(is_setup(phase) ? setup_thresholds() : DuetThresholds{}), {}, {}, 0});
+    if (trifle) continue;
+    const bool setup = has_phases && is_setup(phase);
+    DuetSeries series;
+    if (setup) series.rule = DuetRule(setup_thresholds());
+    for (const auto& check : state.checks) {
+      const auto measure = check->measures.find(phase);
+      if (measure != check->measures.end()) series.measure = measure->second;
+    }
+    state.series.emplace(phase, std::move(series));
   }
   if (state.series.empty()) state.not_comparable = "the programs have no phase in common";
 }

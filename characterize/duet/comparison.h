@@ -36,8 +36,10 @@ struct DuetStep {
 /// One phase of a cell.
 struct DuetSeries {
   DuetRule rule;
-  std::vector<double> base_s, candidate_s;  ///< Of each process; canaries are not in it.
+  std::vector<double> base_s, candidate_s;  ///< Of each process, in what `measure` says, or
+                                            ///< seconds; canaries are not in it.
   std::size_t without = 0;                  ///< Blocks in which it had no time.
+  Measure measure = {"s"};
 };
 
 /// One cell.
@@ -53,6 +55,7 @@ struct DuetCellState {
   [[nodiscard]] bool decided() const;  ///< Nothing needs to.
   /// Whether only phases of set-up are undecided, so that calls need not be repeated for them.
   [[nodiscard]] bool calls_decided() const;
+  [[nodiscard]] std::vector<std::string> undecided() const;  ///< Names of series.
   /// Whether a confirmation has had too few canaries.
   [[nodiscard]] bool wants_canary() const;
 };

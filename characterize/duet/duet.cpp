@@ -1,17 +1,23 @@
 #include "characterize/duet/duet.h"
 
-#include <fmt/core.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <exception>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <thread>
 
+#include "characterize/duet/readers.h"
+#include "characterize/machine/environment.h"
 #include "characterize/worker/process.h"
 #include "characterize/worker/scratch.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
+#include "workloads/base/system/cores.h"
 #include "workloads/base/system/thread.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
@@ -19,8 +25,6 @@
 
 namespace pirt {
 namespace {
-
-constexpr std::size_t kLastWords = 300;  // characters of standard error that a reason quotes
 
 class Programs {
  public:
@@ -33,23 +37,7 @@ class Programs {
     request.environment = environment(side, cell);
     request.limit = programs_.limit;
     request.stop = programs_.stop;
-    const ProcessResult process = run_process(request);
-    SampleOutcome outcome;
-    if (process.end == ProcessResult::End::kStopped) {
-      outcome.stopped = true;
-      return outcome;
-    }
-    if (process.end != ProcessResult::End::kExited || process.code != 0) {
-      const std::string words = one_line(process.diagnostics, kLastWords);
-      outcome.error = how_it_ended(process, programs_.limit) + (words.empty() ? "" : ": " + words);
-      return outcome;
-    }
-    try {
-      outcome.sample = sample_from_json(process.output);
-    } catch (const Error& error) {
-      outcome.error = error.what();
-    }
-    return outcome;
+    return run_sample(request, find_reader("pirt"));
   }
 
  private:
@@ -132,7 +120,8 @@ class DuetRun {
     auto step = comparison_.next(lane);
     if (!step) return std::nullopt;
     if (is_set(limits_.stop)) end_ = DuetEnd::kStopped;
-    if (!end_ && limits_.time && clock_.now() - start_ >= *limits_.time) {
+    const Nanos lasts = static_cast<std::int64_t>(step->order.size()) * longest_;
+    if (!end_ && limits_.time && clock_.now() - start_ + lasts >= *limits_.time) {
       end_ = DuetEnd::kOutOfTime;
     }
     if (end_) return std::nullopt;
@@ -141,11 +130,14 @@ class DuetRun {
   }
 
   /// Of the step's processes up to the first that gave no sample.
-  [[nodiscard]] std::vector<SampleOutcome> take(const DuetStep& step) const {
+  [[nodiscard]] std::vector<SampleOutcome> take(const DuetStep& step) {
     const DuetCell& cell = comparison_.cells()[step.cell].cell;
     std::vector<SampleOutcome> outcomes;
     for (const Side side : step.order) {
+      const Nanos begin = clock_.now();
       outcomes.push_back(take_(side, cell, step.sample));
+      const std::lock_guard lock(mutex_);
+      longest_ = std::max(longest_, clock_.now() - begin);
       if (!outcomes.back().sample) break;
     }
     return outcomes;
@@ -180,11 +172,33 @@ class DuetRun {
   const MachineClock clock_;
   const Nanos start_ = clock_.now();
   std::mutex mutex_;
+  Nanos longest_{0};            ///< Of a process.
   std::optional<DuetEnd> end_;  ///< Why some lane ended early.
   std::exception_ptr error_;
 };
 
 }  // namespace
+
+SampleOutcome run_sample(const ProcessRequest& request, const OutputReader& reader) {
+  const ProcessResult process = run_process(request);
+  SampleOutcome outcome;
+  if (process.end == ProcessResult::End::kStopped) {
+    outcome.stopped = true;
+    return outcome;
+  }
+  if (process.end != ProcessResult::End::kExited || process.code != 0) {
+    const std::string words = one_line(process.diagnostics, kLastWords);
+    outcome.error = how_it_ended(process, request.limit) + (words.empty() ? "" : ": " + words);
+    return outcome;
+  }
+  try {
+    outcome.sample = reader.read(process);
+    outcome.sample->wall_s = to_s(process.wall);
+  } catch (const Error& error) {
+    outcome.error = error.what();
+  }
+  return outcome;
+}
 
 TakeSample program_samples(const DuetPrograms& programs) {
   const auto runner = std::make_shared<const Programs>(programs);
@@ -193,15 +207,44 @@ TakeSample program_samples(const DuetPrograms& programs) {
   };
 }
 
-Ledger::Event ledger_key(const DuetPrograms& programs, const std::vector<DuetCell>& cells) {
-  const auto content = [](const std::filesystem::path& program) {
-    return fmt::format("{:016x}", Hash64().add(read_file(program, kAnySize)).value());
+std::string content_key(const std::filesystem::path& file) {
+  return fmt::format("{:016x}", Hash64().add(read_file(file, kAnySize)).value());
+}
+
+std::string machine_key() {
+  const Environment facts = host_environment();
+  const auto fact = [&facts](const char* key) {
+    const auto found = facts.find(key);
+    return found == facts.end() ? std::string("unknown") : found->second;
   };
+  return fmt::format("{}, cores {}, kernel {}", fact("cpu_model"), fmt::join(usable_cores(), ","),
+                     fact("kernel"));
+}
+
+namespace {
+
+/// A program and the libraries that were built with it, in its folder.
+Ledger::Event built_key(const std::filesystem::path& program) {
+  std::map<std::string, std::string> contents;
+  for (const auto& entry : std::filesystem::directory_iterator(program.parent_path())) {
+    if (entry.path().extension() == ".so" && entry.is_regular_file()) {
+      contents[entry.path().filename()] = content_key(entry.path());
+    }
+  }
+  contents["program"] = content_key(program);
+  return contents;
+}
+
+}  // namespace
+
+Ledger::Event ledger_key(const DuetPrograms& programs, const std::vector<DuetCell>& cells) {
   Ledger::Event names = Ledger::Event::array();
   for (const DuetCell& cell : cells) names.push_back(to_string(cell));
-  return {{"baseline", content(programs.baseline)},
-          {"candidate", content(programs.candidate)},
+  return {{"baseline", built_key(programs.baseline)},
+          {"candidate", built_key(programs.candidate)},
           {"platform", programs.platform_argument},
+          {"platform_text", fmt::format("{:016x}", Hash64().add(programs.platform.text).value())},
+          {"machine", machine_key()},
           {"cells", names},
           {"seed", programs.seed},
           {"work_ms", to_ms(programs.work)},

@@ -22,6 +22,13 @@ struct SampleOutcome {
 /// May be asked for samples of different units at the same time.
 using TakeSample = std::function<SampleOutcome(Side side, const DuetCell& cell, SampleKind kind)>;
 
+struct OutputReader;
+struct ProcessRequest;
+inline constexpr std::size_t kLastWords = 300;  ///< Characters of stderr that a reason quotes.
+/// One process to its end, and what @p reader makes of it: an exit code that is not 0, a signal, a
+/// time limit and an output that is none of its kind are errors.
+[[nodiscard]] SampleOutcome run_sample(const ProcessRequest& request, const OutputReader& reader);
+
 struct DuetPrograms {
   std::filesystem::path baseline, candidate;
   Platform platform;              ///< Whose units are compared.
@@ -39,8 +46,13 @@ struct DuetPrograms {
 /// is gone with the function.
 [[nodiscard]] TakeSample program_samples(const DuetPrograms& programs);
 
-/// What a ledger of a comparison is about: the programs' contents, the platform, cells, seed and
-/// work.
+/// Hash of a file, for a ledger. @throws Error{kBadInput} if it cannot be read.
+[[nodiscard]] std::string content_key(const std::filesystem::path& file);
+/// The machine of a ledger: its processor, cores that may be used, and kernel.
+[[nodiscard]] std::string machine_key();
+
+/// What a ledger of a comparison is about: the contents of the programs and of libraries beside
+/// them, the platform's name and text, the machine, cells, seed and work.
 /// @throws Error{kBadInput} if a program cannot be read.
 [[nodiscard]] Ledger::Event ledger_key(const DuetPrograms& programs,
                                        const std::vector<DuetCell>& cells);
@@ -48,7 +60,8 @@ struct DuetPrograms {
 enum class DuetEnd : std::uint8_t { kDecided, kStopped, kOutOfTime };
 
 struct DuetLimits {
-  std::optional<Nanos> time;  ///< After which no block is begun.
+  /// What would last longer, by the longest process so far, is not begun.
+  std::optional<Nanos> time;
   const std::atomic<bool>* stop = nullptr;
 };
 

@@ -110,6 +110,10 @@ Json to_json(const Sample& sample) {
   }
   json["contended"] = sample.contended;
   json["seconds"] = sample.seconds;
+  for (const auto& [name, measure] : sample.measures) {
+    json["measures"][name] = {{"unit", measure.unit}, {"higher", measure.higher_is_better}};
+  }
+  if (sample.wall_s > 0) json["wall_s"] = sample.wall_s;
   return json;
 }
 
@@ -132,6 +136,12 @@ Sample sample_from_json(const std::string& text) {
     }
     sample.contended = json.value("contended", false);
     sample.seconds = json.at("seconds").get<std::map<std::string, double>>();
+    sample.wall_s = json.value("wall_s", 0.0);
+    if (json.contains("measures")) {
+      for (const auto& [name, measure] : json.at("measures").items()) {
+        sample.measures[name] = {measure.at("unit"), measure.at("higher")};
+      }
+    }
     for (const auto& [phase, value] : sample.seconds) {
       if (!(std::isfinite(value) && value >= 0)) throw_bad_input(phase + " is no time");
     }

@@ -22,6 +22,8 @@ struct DuetCell {
   friend auto operator<=>(const DuetCell&, const DuetCell&) = default;
 };
 inline constexpr std::string_view kSchedulerCell = "scheduler";
+/// The cell of a comparison of two commands, whose figures have names of their own.
+inline constexpr std::string_view kCommandCell = "command";
 /// "sobel on cpu", "scheduler".
 [[nodiscard]] std::string to_string(const DuetCell& cell);
 
@@ -39,6 +41,12 @@ struct SampleRequest {
   Injection injection;
 };
 
+/// What a figure is in, where it is no time in seconds.
+struct Measure {
+  std::string unit;
+  bool higher_is_better = false;
+};
+
 struct Sample {
   std::string version;        ///< Of the program.
   std::string device;         ///< Name; what is compared has to run on the same.
@@ -47,7 +55,10 @@ struct Sample {
   std::optional<bool> right;  ///< What verifying found, with `detail`.
   std::string detail;
   bool contended = false;
-  std::map<std::string, double> seconds;  ///< By phase; medians of calls.
+  /// By phase, medians of calls; of a command by the name of the figure, in what `measures` says.
+  std::map<std::string, double> seconds;
+  std::map<std::string, Measure> measures;  ///< Of those that are no seconds where less is better.
+  double wall_s = 0;                        ///< Of the process, from start to end; 0 = not known.
 };
 
 /// Sets up, runs and times a cell in this process, which must be fresh: set-up is timed too.

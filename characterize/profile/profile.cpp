@@ -28,6 +28,16 @@ std::string PhaseRow::unknown() const {
   return reason == reasons.end() ? "" : reason->substr(kUnknownPhase.size());
 }
 
+int PhaseRow::failed_processes() const {
+  int count = 0;
+  for (const std::string& note : notes) {
+    if (!note.starts_with(kFailedProcesses)) continue;
+    const auto number = std::string_view(note).substr(kFailedProcesses.size());
+    std::from_chars(number.data(), number.data() + number.size(), count);
+  }
+  return count;
+}
+
 bool PhaseRow::is_wild() const {
   return is_doubted(*this) && ci_low && ci_high && to_s(*ci_high) > kWildSpan * to_s(*ci_low);
 }

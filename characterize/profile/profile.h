@@ -54,6 +54,8 @@ struct PhaseRow {
   [[nodiscard]] bool is_deterministic() const;
   /// Why nobody knows the phase's time; empty if there is one, or it was not to be had otherwise.
   [[nodiscard]] std::string unknown() const;
+  /// Processes of its cell that ended with an error, as its notes say.
+  [[nodiscard]] int failed_processes() const;
   /// Whether it is doubted, and its interval spans so much that it tells nothing of the order of
   /// units.
   [[nodiscard]] bool is_wild() const;
@@ -61,6 +63,8 @@ struct PhaseRow {
 
 /// A note of rows whose figure repeats exactly.
 inline constexpr std::string_view kDeterministic = "deterministic";
+/// What the note of rows begins with of whose cell some process failed; their number follows.
+inline constexpr std::string_view kFailedProcesses = "failed_processes: ";
 /// What the reason of a row begins with whose phase nobody knows the time of.
 inline constexpr std::string_view kUnknownPhase = "unknown: ";
 
@@ -106,6 +110,11 @@ struct PeakRow {
   std::vector<std::string> doubts = {};
 };
 
+struct CellName {
+  std::string workload, unit;
+  friend bool operator==(const CellName&, const CellName&) = default;
+};
+
 /// A device that a unit of the run computed on.
 struct UnitRecord {
   std::string unit, backend, device;
@@ -128,6 +137,7 @@ struct RunInfo {
   std::set<std::string> identity =
       {};  ///< Keys of those facts that must match for runs to compare.
   std::vector<UnitRecord> units;
+  std::vector<CellName> planned = {};  ///< The cells that it was to measure; empty = not known.
 
   /// The fact as a number; absent where there is none, or it is none.
   [[nodiscard]] std::optional<double> figure(const std::string& key) const;

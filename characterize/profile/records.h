@@ -102,11 +102,6 @@ struct CellRecord {
   std::optional<std::int64_t> host_memory_bytes = {}, device_memory_bytes = {};  ///< See PhaseRow.
 };
 
-struct CellName {
-  std::string workload, unit;
-  friend bool operator==(const CellName&, const CellName&) = default;
-};
-
 /// One worker process of a cell that is not done.
 struct VisitRecord {
   std::int64_t position = 0;  ///< From 0, in order of time within the cell.

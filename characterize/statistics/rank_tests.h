@@ -6,20 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "workloads/base/time.h"
-
 namespace pirt {
-
-/// One-sided Mann-Whitney test: how likely samples of equal distributions are to look at least as
-/// much as if @p candidate had the larger ones. Exact for at most 400 pairs without ties, else the
-/// normal approximation with correction for ties and continuity.
-///
-/// It takes samples for independent. Those of one process are not quite, so that its verdict alone
-/// is too eager; ask for an effect beyond the noise between processes as well.
-/// @return  In (0, 1]; 1 if either is empty.
-/// @source Mann and Whitney, On a test of whether one of two random variables is stochastically
-/// larger than the other, Ann. Math. Statist. 18 (1947) 50.
-[[nodiscard]] double mann_whitney_p(std::span<const Nanos> base, std::span<const Nanos> candidate);
 
 /// p-values adjusted for having been looked at together: rejecting those below alpha is wrong
 /// anywhere with probability alpha at most, however they depend on each other.

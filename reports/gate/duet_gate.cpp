@@ -38,10 +38,12 @@ GateRow series_row(const DuetCellState& state, const std::string& phase, const D
                    DuetEnd end) {
   GateRow row{.workload = state.cell.workload, .unit = state.cell.unit, .phase = phase};
   const DuetRule& rule = series.rule;
+  const bool is_time = series.measure.unit == "s";
+  if (!is_time) row.measure = series.measure.unit;
   if (!series.base_s.empty()) {
-    row.base = 1e9 * median_of(series.base_s);
-    row.candidate = 1e9 * median_of(series.candidate_s);
-    row.ratio = std::exp(rule.effect());
+    row.base = (is_time ? 1e9 : 1) * median_of(series.base_s);
+    row.candidate = (is_time ? 1e9 : 1) * median_of(series.candidate_s);
+    row.ratio = std::exp(series.measure.higher_is_better ? -rule.effect() : rule.effect());
   }
   switch (rule.verdict()) {
     case DuetVerdict::kUndecided:
@@ -71,6 +73,25 @@ GateRow series_row(const DuetCellState& state, const std::string& phase, const D
       break;
   }
   return row;
+}
+
+/// Figures of the first processes that no series is made of.
+void add_not_judged(const DuetCellState& state, std::vector<GateRow>& rows) {
+  if (!state.checks[0] || !state.checks[1]) return;
+  for (const Side side : {Side::kBaseline, Side::kCandidate}) {
+    const auto& own = state.checks[static_cast<std::size_t>(side)]->seconds;
+    const auto& other = state.checks[side == Side::kBaseline ? 1 : 0]->seconds;
+    for (const auto& [name, value] : own) {
+      const bool both = other.contains(name);
+      if (both && (side == Side::kCandidate || (value > 0 && other.at(name) > 0))) continue;
+      rows.push_back({.workload = state.cell.workload,
+                      .unit = state.cell.unit,
+                      .phase = name,
+                      .verdict = GateVerdict::kNotJudged,
+                      .reason = both ? "it is not above 0 on both sides, so that there is no ratio"
+                                     : fmt::format("only the {} has it", to_string(side))});
+    }
+  }
 }
 
 /// What concerns all phases of a cell; nothing if nothing does.
@@ -105,7 +126,7 @@ void correct(std::vector<GateRow>& rows, double alpha) {
     std::vector<double> p_values;
     std::vector<GateRow*> judged;
     for (GateRow& row : rows) {
-      if (row.phase == "all") continue;
+      if (row.phase == "all" || row.verdict == GateVerdict::kNotJudged) continue;
       p_values.push_back(row.verdict == claim ? row.p.value_or(1) : 1);
       judged.push_back(&row);
     }
@@ -131,6 +152,7 @@ GateResult judge_duet(const DuetComparison& comparison, DuetEnd end, double alph
     for (const auto& [phase, series] : state.series) {
       result.rows.push_back(series_row(state, phase, series, end));
     }
+    add_not_judged(state, result.rows);
   }
   correct(result.rows, alpha);
   return result;

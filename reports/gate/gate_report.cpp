@@ -20,7 +20,7 @@ using Json = Json;
 
 constexpr std::array kVerdicts = {GateVerdict::kFailed,       GateVerdict::kSlower,
                                   GateVerdict::kInconclusive, GateVerdict::kNotComparable,
-                                  GateVerdict::kFaster,       GateVerdict::kCannotTell,
+                                  GateVerdict::kUndecided,    GateVerdict::kFaster,
                                   GateVerdict::kSame,         GateVerdict::kNotJudged};
 
 std::string percent_text(std::optional<double> value) {
@@ -31,26 +31,59 @@ bool quiet(const GateRow& row) {
   return row.verdict == GateVerdict::kSame || row.verdict == GateVerdict::kNotJudged;
 }
 
-/// Nanoseconds as milliseconds; joules as they are.
+/// Nanoseconds as milliseconds, shares in percent; others as they are.
 std::string value_text(const GateRow& row, std::optional<double> value) {
   if (!value) return "-";
-  return figure(row.phase == "energy" ? *value : *value * 1e-6);
+  if (row.measure == "ns") return figure(*value * 1e-6);
+  return figure(row.measure == "share" ? *value * 100 : *value);
+}
+
+std::string measure_text(const GateRow& row) {
+  return row.measure == "ns" ? "ms" : row.measure == "share" ? "%" : row.measure;
+}
+
+/// "45 not judged (36 of set-up)": they block nothing, and are counted apart.
+std::string not_judged_text(const GateResult& result) {
+  const auto setups = std::ranges::count_if(result.rows, [](const GateRow& row) {
+    return row.verdict == GateVerdict::kNotJudged && row.setup;
+  });
+  const auto all = result.count(GateVerdict::kNotJudged);
+  return setups > 0 ? fmt::format("{} not judged ({} of set-up)", all, setups)
+                    : fmt::format("{} not judged", all);
+}
+
+std::string answer_text(const GateReport& report) {
+  const GateResult& result = report.result;
+  const int code = exit_code_of(result, report.strict);
+  if (code == kExitCheckFailed) return "REGRESSION";
+  if (code == kExitInconclusive) return "INCONCLUSIVE";
+  const auto undecided = result.count(GateVerdict::kUndecided);
+  if (undecided == 0) return "no regression";
+  const auto judged = std::ssize(result.rows) - result.count(GateVerdict::kNotJudged);
+  return fmt::format("UNDECIDED in {} of {} rows, none slower", undecided, judged);
 }
 
 Paragraph verdict_line(const GateReport& report) {
   const GateResult& result = report.result;
   std::vector<std::string> counts;
   for (const GateVerdict verdict : kVerdicts) {
-    if (const auto count = result.count(verdict); count > 0) {
-      counts.push_back(fmt::format("{} {}", count, to_string(verdict)));
-    }
+    const auto count = result.count(verdict);
+    if (count == 0) continue;
+    counts.push_back(verdict == GateVerdict::kNotJudged
+                         ? not_judged_text(result)
+                         : fmt::format("{} {}", count, to_string(verdict)));
   }
-  const int code = exit_code_of(result);
-  const char* answer = code == kExitCheckFailed    ? "REGRESSION"
-                       : code == kExitInconclusive ? "INCONCLUSIVE"
-                                                   : "no regression";
-  return {{fmt::format("{}: {} against {}", answer, report.candidate, report.base),
-           fmt::format("{} rows: {}", result.rows.size(), fmt::join(counts, ", "))}};
+  Paragraph lines{
+      {fmt::format("{}: {} against {}", answer_text(report), report.candidate, report.base),
+       fmt::format("{} rows: {}", result.rows.size(), fmt::join(counts, ", "))}};
+  if (!report.anchor.empty()) lines.lines[0] += " and against the anchor " + report.anchor;
+  lines.lines.insert(lines.lines.end(), report.notes.begin(), report.notes.end());
+  return lines;
+}
+
+/// Of a tail, in points; it has no ratio.
+std::optional<double> change_of(const GateRow& row) {
+  return row.ratio ? std::optional(*row.ratio - 1) : row.change;
 }
 
 Table rows_table(const GateReport& report, bool all) {
@@ -61,6 +94,7 @@ Table rows_table(const GateReport& report, bool all) {
                           {"verdict", Align::kLeft},
                           {"base"},
                           {"candidate"},
+                          {"in", Align::kLeft},
                           {"change %"},
                           {"needed %"},
                           {"p"},
@@ -68,16 +102,15 @@ Table rows_table(const GateReport& report, bool all) {
   for (const GateVerdict verdict : kVerdicts) {
     for (const auto& row : report.result.rows) {
       if (row.verdict != verdict || (quiet(row) && !all)) continue;
-      table.rows.push_back({row.workload, row.unit, row.phase, std::string(to_string(verdict)),
-                            value_text(row, row.base), value_text(row, row.candidate),
-                            percent_text(row.ratio ? std::optional(*row.ratio - 1) : std::nullopt),
-                            row.needed ? fmt::format("{:.1f}", 100 * *row.needed) : "-",
-                            row.p ? fmt::format("{:.2g}", *row.p) : "-",
-                            row.reason.empty() ? "-" : row.reason});
+      table.rows.push_back(
+          {row.workload, row.unit, row.phase + (row.against_anchor ? ", against the anchor" : ""),
+           std::string(to_string(verdict)), value_text(row, row.base),
+           value_text(row, row.candidate), measure_text(row), percent_text(change_of(row)),
+           row.needed ? fmt::format("{:.1f}", 100 * *row.needed) : "-",
+           row.p ? fmt::format("{:.2g}", *row.p) : "-", row.reason.empty() ? "-" : row.reason});
     }
   }
-  table.footnotes = {"base, candidate: medians in ms; of energy in J a call."};
-  table.footnotes.insert(table.footnotes.end(), report.rule.begin(), report.rule.end());
+  table.footnotes = report.rule;
   return table;
 }
 
@@ -152,7 +185,9 @@ Json row_json(const GateRow& row) {
                {"unit", row.unit},
                {"phase", row.phase},
                {"verdict", to_string(row.verdict)}};
-  const std::string suffix = row.phase == "energy" ? "_j" : "_ns";
+  const std::string suffix = row.measure == "ns" ? "_ns" : row.measure == "J" ? "_j" : "";
+  if (suffix.empty()) json["measure"] = row.measure;
+  if (row.against_anchor) json["against"] = "anchor";
   const auto add = [&](const std::string& key, std::optional<double> value) {
     if (value) json[key] = *value;
   };
@@ -161,8 +196,8 @@ Json row_json(const GateRow& row) {
   add("ratio", row.ratio);
   add("p_adjusted", row.p);
   add("change", row.change);
+  add("change_at_least", row.at_least);
   add("change_at_most", row.at_most);
-  add("noise", row.noise);
   add("needed", row.needed);
   if (!row.reason.empty()) json["reason"] = row.reason;
   return json;
@@ -208,32 +243,54 @@ bool is_skipped(GateVerdict verdict) {
 std::string message_of(const GateRow& row) {
   if (!row.reason.empty()) return row.reason;
   return fmt::format("{} -> {} {} ({} %)", value_text(row, row.base),
-                     value_text(row, row.candidate), row.phase == "energy" ? "J" : "ms",
-                     percent_text(row.ratio ? std::optional(*row.ratio - 1) : std::nullopt));
+                     value_text(row, row.candidate), measure_text(row),
+                     percent_text(change_of(row)));
 }
 
 }  // namespace
 
 void describe_rule(const GateThresholds& thresholds, GateReport& report) {
   const GateThresholds& t = thresholds;
-  report.rule = {fmt::format(
-      "slower: one-sided Mann-Whitney p, Holm-adjusted over the table, below {}, and median and "
-      "lower quartile up by needed %: {:.0f} %, or {:.0f} times what runs of one program differ "
-      "by, whichever is more; from {:.0f} % of it on, inconclusive. Cannot tell: none of that, but "
-      "the 95 % interval over the processes reaches what matters; no influence on the exit code. "
-      "What the machine moved many rows by is taken off them and stands in a row of its own.",
-      t.alpha, 100 * t.effect, t.noise_factor, 100 * t.doubt)};
-  report.rule_json = {
-      {"alpha", t.alpha}, {"effect", t.effect},       {"noise_factor", t.noise_factor},
-      {"doubt", t.doubt}, {"workloads", t.workloads}, {"together", t.together}};
+  report.rule = {
+      fmt::format("base, candidate: medians, of a tail the share of calls over {:g} times the "
+                  "base's median.",
+                  t.tail_multiple),
+      fmt::format(
+          "slower: the median rose by needed % or more ({:g} %; set-up {:g} % and {:g} ms) "
+          "and the 95 % intervals over processes are half of that apart, both beyond what "
+          "the unit's peaks moved by; a tail: its share by {:g} points. same: the interval "
+          "of the change ends below half of that. All else is undecided, and passes but for "
+          "--strict.",
+          100 * t.effect, 100 * t.setup * t.effect, to_ms(t.setup_grain), 100 * t.tail_share)};
+  report.rule_json = {{"effect", t.effect},
+                      {"setup", t.setup},
+                      {"of_call", t.of_call},
+                      {"workloads", t.workloads},
+                      {"together", t.together},
+                      {"tail_samples", t.tail_samples},
+                      {"tail_multiple", t.tail_multiple},
+                      {"tail_share", t.tail_share}};
+  std::map<std::string, std::vector<std::string>> moved;
+  for (const MachineShift& each : report.result.machine) {
+    moved[each.unit].push_back(fmt::format("{} {:+.1f} %",
+                                           each.kind == PeakKind::kF32 ? "f32" : "memory bandwidth",
+                                           100 * (each.ratio - 1)));
+  }
+  std::vector<std::string> units;
+  for (const auto& [unit, peaks] : moved) {
+    units.push_back(fmt::format("{} {}", unit, fmt::join(peaks, " and ")));
+  }
+  report.notes.push_back(
+      units.empty() ? "Taken off as the machine's: nothing, the runs have no peaks in common."
+                    : fmt::format("Taken off as the machine's, by its own peaks: {}.",
+                                  fmt::join(units, "; ")));
 }
 
-int exit_code_of(const GateResult& result) {
-  if (result.count(GateVerdict::kSlower) > 0 || result.count(GateVerdict::kFailed) > 0) {
-    return kExitCheckFailed;
-  }
-  const bool open =
-      result.count(GateVerdict::kInconclusive) > 0 || result.count(GateVerdict::kNotComparable) > 0;
+int exit_code_of(const GateResult& result, bool strict) {
+  const auto any = [&result](GateVerdict verdict) { return result.count(verdict) > 0; };
+  if (any(GateVerdict::kSlower) || any(GateVerdict::kFailed)) return kExitCheckFailed;
+  const bool open = any(GateVerdict::kInconclusive) || any(GateVerdict::kNotComparable) ||
+                    (strict && any(GateVerdict::kUndecided));
   return open ? kExitInconclusive : 0;
 }
 
@@ -263,15 +320,21 @@ Json gate_json(const GateReport& report) {
                         {"base", each.a ? Json(*each.a) : Json()},
                         {"candidate", each.b ? Json(*each.b) : Json()}});
   }
+  Json machine = Json::array();
+  for (const MachineShift& each : report.result.machine) {
+    machine.push_back({{"unit", each.unit}, {"peak", to_string(each.kind)}, {"ratio", each.ratio}});
+  }
   Json rows = Json::array();
   for (const auto& row : report.result.rows) rows.push_back(row_json(row));
   Json json = {{"schema_version", 1},
                {"base", report.base},
                {"candidate", report.candidate},
-               {"exit_code", exit_code_of(report.result)},
+               {"exit_code", exit_code_of(report.result, report.strict)},
                {"rule", report.rule_json},
                {"identity_differences", identity},
+               {"machine", machine},
                {"rows", rows}};
+  if (!report.anchor.empty()) json["anchor"] = report.anchor;
   if (report.decisions) json["decisions"] = decisions_json(*report.decisions);
   return json;
 }
@@ -290,8 +353,10 @@ std::string gate_junit(const GateReport& report) {
         "  <testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" errors=\"0\" skipped=\"{}\">\n",
         escape_markup(unit), rows.size(), failures, skipped);
     for (const GateRow* row : rows) {
-      xml += fmt::format("    <testcase classname=\"{}.{}\" name=\"{}\"", escape_markup(unit),
-                         escape_markup(row->workload), escape_markup(row->phase));
+      xml +=
+          fmt::format("    <testcase classname=\"{}{}\" name=\"{}\"",
+                      unit.empty() ? "" : escape_markup(unit) + ".", escape_markup(row->workload),
+                      escape_markup(row->phase + (row->against_anchor ? " (anchor)" : "")));
       const std::string message = fmt::format("{}: {}", to_string(row->verdict), message_of(*row));
       if (is_failure(row->verdict)) {
         xml += fmt::format("><failure message=\"{}\"/></testcase>\n", escape_markup(message));

@@ -29,19 +29,15 @@ bool is_same(const PhaseRow& a, const PhaseRow& b) {
   return is_valid(b) && a.ops == b.ops && a.bytes == b.bytes && a.provenance == b.provenance;
 }
 
+/// Runs differ by more than their processes do, so that the interval is what all of them span.
 void add(const PhaseRow& other, std::int32_t offset, PhaseRow& row) {
   row.values.insert(row.values.end(), other.values.begin(), other.values.end());
   for (const auto process : other.value_processes) row.value_processes.push_back(offset + process);
-}
-
-void summarize_all(PhaseRow& row) {
-  const auto summary = summarize(row.values, row.value_processes);
-  row.samples = static_cast<std::int64_t>(row.values.size());
-  row.median = summary.median;
-  row.mean = mean(row.values, row.value_processes);
-  if (!summary.interval) return;
-  row.ci_low = summary.interval->low;
-  row.ci_high = summary.interval->high;
+  row.samples = std::ssize(row.values);
+  row.median = median(row.values, row.value_processes);
+  if (!row.ci_low || !other.ci_low) return;
+  row.ci_low = std::min(*row.ci_low, *other.ci_low);
+  row.ci_high = std::max(*row.ci_high, *other.ci_high);
 }
 
 }  // namespace
@@ -71,10 +67,6 @@ Pooled pool_samples(const ProfileReader& reader, Profile& profile) {
     }
     pooled.runs += any ? 1 : 0;
     pooled.left_out += others && !any ? 1 : 0;
-  }
-  if (pooled.runs == 1) return pooled;
-  for (PhaseRow& row : profile.phases) {
-    if (is_valid(row) && !row.values.empty() && !row.is_deterministic()) summarize_all(row);
   }
   return pooled;
 }

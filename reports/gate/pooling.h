@@ -1,5 +1,5 @@
-// The samples of several runs of one database as those of one: what differs between runs is then
-// part of what is tested, and set-up, of which a run has few samples, has enough of them.
+// Several runs of one database as one: what runs of one program differ by is then part of each
+// row's interval.
 #pragma once
 
 #include "characterize/profile/profile.h"
@@ -13,7 +13,8 @@ struct Pooled {
 };
 
 /// Reads the samples of all rows, adds those of the same rows in other runs of the file that are of
-/// the same program and may be compared with the row's own, and takes the medians of all of them.
+/// the same program and may be compared with the row's own, takes the median of all of them, and
+/// widens the row's interval to what theirs span.
 /// @param profile  Read by @p reader.
 Pooled pool_samples(const ProfileReader& reader, Profile& profile);
 

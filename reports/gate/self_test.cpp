@@ -14,17 +14,6 @@ namespace {
 
 using Event = Ledger::Event;
 
-/// How likely at most @p k of @p n are if each has probability @p p.
-double binomial_cdf(std::int64_t k, std::int64_t n, double p) {
-  double sum = 0;
-  for (std::int64_t i = 0; i <= k; ++i) {
-    const auto x = static_cast<double>(i), all = static_cast<double>(n);
-    const double log_ways = std::lgamma(all + 1) - std::lgamma(x + 1) - std::lgamma(all - x + 1);
-    sum += std::exp(log_ways + x * std::log(p) + (all - x) * std::log1p(-p));
-  }
-  return sum;
-}
-
 /// The phases that an injection into @p step shows in.
 bool shows(std::string_view injected, const std::string& phase) {
   if (injected.starts_with("execute")) return phase == "execute" || phase == "call";
@@ -116,20 +105,6 @@ void SelfTest::apply(const Event& event) {
 TrialCount SelfTest::count(const Trial& trial) const {
   const auto found = counts_.find(trial.name);
   return found == counts_.end() ? TrialCount{} : found->second;
-}
-
-double rate_upper_bound(std::int64_t k, std::int64_t n) {
-  if (k >= n) return 1;
-  double low = 0, high = 1;
-  for (int i = 0; i < 60; ++i) {
-    const double middle = (low + high) / 2;
-    (binomial_cdf(k, n, middle) > 0.05 ? low : high) = middle;
-  }
-  return high;
-}
-
-double rate_lower_bound(std::int64_t k, std::int64_t n) {
-  return k <= 0 ? 0 : 1 - rate_upper_bound(n - k, n);
 }
 
 bool breaks_promise(const SelfTest& test) {

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "characterize/statistics/proportions.h"
 #include "reports/document/document.h"
 #include "reports/gate/duet_gate.h"
 
@@ -57,11 +58,6 @@ class SelfTest {
  private:
   std::map<std::string, TrialCount, std::less<>> counts_;
 };
-
-/// The one-sided 95 % bounds of a rate that was seen @p k times in @p n. @source Clopper and
-/// Pearson, Biometrika 26 (1934) 404.
-[[nodiscard]] double rate_upper_bound(std::int64_t k, std::int64_t n);
-[[nodiscard]] double rate_lower_bound(std::int64_t k, std::int64_t n);
 
 /// Whether the figures contradict what is promised: a lower bound of the rate is above it.
 [[nodiscard]] bool breaks_promise(const SelfTest& test);

@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <span>
+#include <set>
+#include <tuple>
 
 #include "characterize/machine/environment_keys.h"
-#include "characterize/statistics/rank_tests.h"
-#include "reports/gate/between_runs.h"
-#include "reports/gate/common_movement.h"
+#include "reports/gate/tail.h"
 #include "workloads/base/text/text.h"
+#include "workloads/base/time.h"
 
 namespace pirt {
 namespace {
@@ -21,6 +21,8 @@ std::string phase_name(const PhaseRow& row) {
   if (row.state != State::kSteady) name += " " + std::string(to_string(row.state));
   return name;
 }
+
+double percent(double log_ratio) { return 100 * std::expm1(log_ratio); }
 
 /// What of the identity differs for this unit; facts without a unit are of all.
 std::string identity_complaint(const ProfileDiff& diff, const std::string& unit) {
@@ -41,9 +43,8 @@ std::string complaint(const ProfileDiff& diff, const PhasePair& pair) {
   std::string identity = identity_complaint(diff, base.unit);
   if (!identity.empty()) return identity;
   for (const auto& [row, whose] : {std::pair(&base, "base"), std::pair(&candidate, "candidate")}) {
-    if (is_valid(*row)) continue;
-    return fmt::format("the {}'s row is {}: {}", whose, is_used(*row) ? "uncertain" : "invalid",
-                       join(held_against(*row), ", "));
+    if (is_used(*row)) continue;
+    return fmt::format("the {}'s row is invalid: {}", whose, join(row->reasons, ", "));
   }
   if (base.ops != candidate.ops || base.bytes != candidate.bytes)
     return "the workload is of another size";
@@ -52,6 +53,32 @@ std::string complaint(const ProfileDiff& diff, const PhasePair& pair) {
                        to_string(candidate.provenance));
   }
   return "";
+}
+
+/// A wrong output, or an error; empty if it has neither.
+std::string failure_of(const PhaseRow& row) {
+  for (const auto& reason : row.reasons) {
+    if (reason == "wrong_output" || reason.starts_with("error: ")) return reason;
+  }
+  return "";
+}
+
+/// What the candidate did not get through comes first, whatever else is to be said. A cell that
+/// failed in the base as well has not become worse.
+bool fails(const PhaseRow& base, const PhaseRow& candidate, GateRow& row) {
+  const std::string failure = failure_of(candidate);
+  if (failure.empty()) return false;
+  row.reason = failure;
+  if (!failure_of(base).empty()) {
+    row.verdict = GateVerdict::kUndecided;
+    row.reason += "; the base failed, too";
+  } else if (failure == "wrong_output" || candidate.failed_processes() >= 2) {
+    row.verdict = GateVerdict::kFailed;
+  } else {
+    row.verdict = GateVerdict::kInconclusive;
+    row.reason += "; in one process, measure again";
+  }
+  return true;
 }
 
 /// Whether one sample a side is all there is to know.
@@ -71,41 +98,226 @@ void compare_counts(const PhasePair& pair, GateRow& row) {
                            more > Nanos(0) ? "more" : "less");
 }
 
-struct Judged {
-  GateRow* row = nullptr;
-  Family family;
+/// What a row may have moved by without a program's doing: logarithms of candidate over base.
+struct Allowance {
+  double slower = 0, faster = 0;  ///< At least 0, at most 0.
+  void add(double shift) {
+    slower = std::max(slower, shift);
+    faster = std::min(faster, shift);
+  }
 };
 
-std::vector<Nanos> shifted(std::span<const Nanos> values, double shift) {
-  std::vector<Nanos> result;
-  for (const Nanos value : values) result.push_back(scaled(value, std::exp(shift)));
-  return result;
+/// A median with its interval, in any unit; all above 0.
+struct Estimate {
+  double low = 0, middle = 0, high = 0;
+};
+
+std::optional<Estimate> estimate_of(const PhaseRow& row) {
+  if (!row.median || !row.ci_low || row.ci_low->count() <= 0) return std::nullopt;
+  return Estimate{to_s(*row.ci_low), to_s(*row.median), to_s(*row.ci_high)};
 }
 
-/// Change of this row that makes the base's call longer by thresholds.of_call; 0 for rows that are
-/// no part of a call.
-double change_that_matters(const ProfileDiff& diff, const PhaseRow& base,
-                           const GateThresholds& thresholds) {
-  if (is_setup(base.phase) || base.phase == Phase::kCall) return 0;
+std::optional<Estimate> estimate_of(const EnergyRow& row) {
+  if (!row.energy_j || !row.ci_low_j || !row.ci_high_j || *row.ci_low_j <= 0) return std::nullopt;
+  return Estimate{*row.ci_low_j, *row.energy_j, *row.ci_high_j};
+}
+
+/// Doubts that no interval shows: its processes met another machine than others would.
+std::string barred_by(const std::vector<std::string>& doubts) {
+  for (const auto& doubt : doubts) {
+    for (const char* word : {"unstable", "contended", "throttled"}) {
+      if (doubt.starts_with(word)) return word;
+    }
+  }
+  return "";
+}
+
+/// Why a row's change is no program's for sure; empty if it may be. A set-up is as doubted as the
+/// calls of its cell: the same processes took both.
+std::string doubt_of(const ProfileDiff& diff, const PhasePair& pair) {
+  const PhaseRow& base = *pair.a;
+  for (const auto& [profile, own, whose] :
+       {std::tuple(diff.a, pair.a, "base"), std::tuple(diff.b, pair.b, "candidate")}) {
+    const PhaseRow* const call = profile->find(own->workload, own->unit, Phase::kCall);
+    for (const PhaseRow* row : {own, is_setup(base.phase) ? call : nullptr}) {
+      const std::string word = row == nullptr ? "" : barred_by(row->doubts);
+      if (!word.empty()) return fmt::format("the {}'s {} is {}", whose, phase_name(*row), word);
+    }
+  }
+  if (pair.b->failed_processes() > base.failed_processes()) {
+    return "a process of the candidate failed; measure again";
+  }
+  return "";
+}
+
+/// @param allowed  What is the machine's, or may be.
+/// @param doubt    Why nothing may be said for sure; empty if it may.
+void weigh(const Estimate& base, const Estimate& candidate, const Allowance& allowed,
+           const std::string& doubt, GateRow& row) {
+  const double change = std::log(candidate.middle / base.middle);
+  const double least = std::log(candidate.low / base.high);
+  const double most = std::log(candidate.high / base.low);
+  const double widths =
+      std::hypot(std::log(candidate.high / candidate.middle), std::log(base.middle / base.low));
+  row.change = std::expm1(change);
+  row.at_least = std::expm1(least);
+  row.at_most = std::expm1(change + widths);
+  const double effect = std::log1p(*row.needed);
+  const double half = std::log1p(*row.needed / 2);
+  const bool slower = change - allowed.slower >= effect && least - allowed.slower >= half;
+  const bool faster = change - allowed.faster <= -effect && most - allowed.faster <= -half;
+  if (doubt.empty() && slower) {
+    row.verdict = GateVerdict::kSlower;
+  } else if (doubt.empty() && faster) {
+    row.verdict = GateVerdict::kFaster;
+  } else if (doubt.empty() && change + widths - allowed.faster < half) {
+    row.verdict = GateVerdict::kSame;
+  } else {
+    row.verdict = GateVerdict::kUndecided;
+    row.reason =
+        !doubt.empty() ? doubt
+        : least > 0
+            ? fmt::format(
+                  "{:.1f} % more, where {:.1f} % count; up to {:.1f} % may be the machine's",
+                  percent(change), 100 * *row.needed, percent(allowed.slower))
+            : fmt::format(
+                  "may be slower by up to {:.1f} %, where {:.1f} % matter; more processes "
+                  "tell",
+                  percent(change + widths - allowed.faster), 50 * *row.needed);
+  }
+}
+
+/// Change of a row that counts as slower.
+double change_needed(const ProfileDiff& diff, const PhaseRow& base,
+                     const GateThresholds& thresholds) {
+  const auto share_of = [&base](Nanos part) { return to_s(part) / to_s(*base.median); };
+  if (is_setup(base.phase)) {
+    return std::max(thresholds.setup * thresholds.effect, share_of(thresholds.setup_grain));
+  }
   const PhaseRow* const call = diff.a->find(base.workload, base.unit, Phase::kCall);
-  if (call == nullptr || !call->median || !base.median || base.median->count() <= 0) return 0;
-  return thresholds.of_call * static_cast<double>(call->median->count()) /
-         static_cast<double>(base.median->count());
+  if (base.phase == Phase::kCall || call == nullptr || !call->median) return thresholds.effect;
+  return std::max(thresholds.effect,
+                  thresholds.of_call * thresholds.effect * share_of(*call->median));
 }
 
-GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const CommonMovement& movement,
+/// Rows that a machine moves alike: a unit's set-up, and its others.
+using Family = std::pair<std::string, bool>;
+Family family_of(const PhaseRow& row) { return {row.unit, is_setup(row.phase)}; }
+
+/// What the machine moved by, and what families of rows moved by together.
+class Movements {
+ public:
+  Movements(const ProfileDiff& diff, const GateThresholds& thresholds) : diff_(diff) {
+    for (const std::string& unit : diff.a->units()) add_peaks(unit);
+    std::map<Family, std::vector<double>> changes;
+    std::map<Family, std::set<std::string>> workloads;
+    for (const PhasePair& pair : diff.phases) {
+      const auto ratio = pair.ratio();
+      if (!ratio || *ratio <= 0 || repeats(pair) || !complaint(diff, pair).empty()) continue;
+      if (!doubt_of(diff, pair).empty()) continue;
+      if (!estimate_of(*pair.a) || !estimate_of(*pair.b)) continue;
+      changes[family_of(*pair.a)].push_back(std::log(*ratio));
+      workloads[family_of(*pair.a)].insert(pair.a->workload);
+    }
+    for (auto& [family, moved] : changes) {
+      if (workloads[family].size() >= thresholds.workloads) add_together(family, moved, thresholds);
+    }
+  }
+
+  [[nodiscard]] Allowance allowance_for(const PhaseRow& row) const {
+    Allowance allowed = peaks_of(row.unit);
+    const auto together = together_.find(family_of(row));
+    if (together != together_.end()) allowed.add(together->second);
+    return allowed;
+  }
+  [[nodiscard]] const std::vector<MachineShift>& machine() const { return machine_; }
+  [[nodiscard]] const std::vector<GateRow>& rows() const { return rows_; }
+
+ private:
+  void add_peaks(const std::string& unit) {
+    for (const PeakKind kind : {PeakKind::kF32, PeakKind::kBandwidthMemory}) {
+      const PeakRow* a = diff_.a->find_peak(unit, kind);
+      const PeakRow* b = diff_.b->find_peak(unit, kind);
+      if (a == nullptr || b == nullptr || !is_used(*a) || !is_used(*b)) continue;
+      if (!a->per_second || !b->per_second) continue;
+      const double ratio = *b->per_second / *a->per_second;
+      machine_.push_back({unit, kind, ratio});
+      peaks_[unit].add(-std::log(ratio));
+    }
+  }
+
+  [[nodiscard]] Allowance peaks_of(const std::string& unit) const {
+    const auto found = peaks_.find(unit);
+    return found == peaks_.end() ? Allowance{} : found->second;
+  }
+
+  /// What three quarters of the rows moved by at least, beyond the peaks.
+  void add_together(const Family& family, std::vector<double>& moved,
+                    const GateThresholds& thresholds) {
+    std::ranges::sort(moved);
+    const std::size_t quarter = moved.size() / 4;
+    const Allowance peaks = peaks_of(family.first);
+    const double more = moved[quarter];
+    const double less = moved[moved.size() - 1 - quarter];
+    const double needed =
+        std::log1p(thresholds.together * (family.second ? thresholds.setup : 1.0));
+    const bool slower = more - peaks.slower >= needed;
+    if (!slower && less - peaks.faster > -needed) return;
+    const double shift = slower ? more : less;
+    together_[family] = shift;
+    GateRow row{.workload = "all",
+                .unit = family.first,
+                .phase = family.second ? "set-up" : "running",
+                .setup = family.second,
+                .verdict = slower ? GateVerdict::kInconclusive : GateVerdict::kFaster,
+                .ratio = std::exp(shift),
+                .change = std::expm1(shift),
+                .needed = std::expm1(needed)};
+    if (slower) {
+      row.reason = fmt::format(
+          "all rows moved together, by {:.1f} % or more, {:.1f} % with the unit's peaks: the "
+          "machine's or the program's, it cannot be told; compare the two programs side by side: "
+          "--baseline-program",
+          percent(shift), percent(peaks.slower));
+    }
+    rows_.push_back(std::move(row));
+  }
+
+  const ProfileDiff& diff_;
+  std::vector<MachineShift> machine_;
+  std::map<std::string, Allowance> peaks_;  ///< By unit.
+  std::map<Family, double> together_;
+  std::vector<GateRow> rows_;
+};
+
+/// Whether @p run_id is older than a run of @p profile that was to measure the cell and has not.
+bool is_lost(const Profile& profile, const CellName& cell, std::int64_t run_id) {
+  return std::ranges::any_of(profile.runs, [&](const RunInfo& run) {
+    return run.run_id > run_id && std::ranges::find(run.planned, cell) != run.planned.end();
+  });
+}
+
+constexpr const char* kLost = "the candidate's plan has it, and its newest run has not";
+
+GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const Movements& movements,
                 const GateThresholds& thresholds) {
   const PhaseRow& base = *pair.a;
   const PhaseRow& candidate = *pair.b;
-  GateRow row;
-  row.workload = base.workload;
-  row.unit = base.unit;
-  row.phase = phase_name(base);
+  GateRow row{.workload = base.workload,
+              .unit = base.unit,
+              .phase = phase_name(base),
+              .setup = is_setup(base.phase)};
   if (base.median) row.base = static_cast<double>(base.median->count());
   if (candidate.median) row.candidate = static_cast<double>(candidate.median->count());
   if (!base.unknown().empty() && base.unknown() == candidate.unknown()) {
     row.verdict = GateVerdict::kNotJudged;
     row.reason = "unknown on both sides: " + base.unknown();
+    return row;
+  }
+  if (fails(base, candidate, row)) return row;
+  if (is_lost(*diff.b, {candidate.workload, candidate.unit}, candidate.run_id)) {
+    row.verdict = GateVerdict::kFailed;
+    row.reason = kLost;
     return row;
   }
   row.reason = complaint(diff, pair);
@@ -118,214 +330,95 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const CommonMove
     compare_counts(pair, row);
     return row;
   }
-  const std::size_t fewest = std::min(base.values.size(), candidate.values.size());
-  if (fewest < thresholds.samples || !row.ratio) {
+  const auto of_base = estimate_of(base);
+  const auto of_candidate = estimate_of(candidate);
+  if (!of_base || !of_candidate) {
     row.verdict = GateVerdict::kNotJudged;
-    row.reason = fmt::format("{} samples, {} are needed", fewest, thresholds.samples);
+    row.reason = base.median == Nanos(0) ? "shorter than the clock can tell"
+                                         : "too few processes for an interval; 3 are needed";
     return row;
   }
-  const ExpectedMovement expected = movement.expected(pair);
-  row.change = change_between(base, candidate, expected.shift);
-  if (!row.change) {
-    row.verdict = GateVerdict::kNotJudged;
-    row.reason = "shorter than the clock can tell";
-    return row;
-  }
-  if (const auto half = half_width_between(base, candidate)) {
-    row.at_most = *row.ratio * std::exp(-expected.shift) * (1 + *half) - 1;
-  }
-  row.noise = noise_between(base, candidate, expected.drift);
-  if (row.noise) row.noise = std::hypot(*row.noise, expected.sd);
-  row.needed = std::max(thresholds.effect, change_that_matters(diff, base, thresholds));
-  const auto values = shifted(base.values, expected.shift);
-  row.p = *row.change > 0 ? mann_whitney_p(values, candidate.values)
-                          : mann_whitney_p(candidate.values, values);
+  row.needed = change_needed(diff, base, thresholds);
+  weigh(*of_base, *of_candidate, movements.allowance_for(base), doubt_of(diff, pair), row);
   return row;
 }
 
-/// Energy has one figure a cell and no samples to test: only what a meter read is judged. Modelled
-/// joules follow from times that are judged themselves.
-GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair) {
-  GateRow row;
-  row.workload = pair.a->workload;
-  row.unit = pair.a->unit;
-  row.phase = "energy";
-  row.base = pair.a->energy_j;
-  row.candidate = pair.b->energy_j;
-  const bool modelled = pair.a->provenance.provenance != Provenance::kMeasured;
-  if (modelled && !row.base && !row.candidate && pair.a->reasons == pair.b->reasons) {
-    row.verdict = GateVerdict::kNotJudged;
-    row.reason = "unknown on both sides: " + join(pair.a->reasons, ", ");
+/// Only what a meter read is judged: modelled joules follow from times that are judged themselves.
+GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair,
+                       const GateThresholds& thresholds) {
+  GateRow row{.workload = pair.a->workload,
+              .unit = pair.a->unit,
+              .phase = "energy",
+              .measure = "J",
+              .base = pair.a->energy_j,
+              .candidate = pair.b->energy_j};
+  row.verdict = GateVerdict::kNotJudged;
+  if (pair.a->provenance != Provenance::kMeasured && pair.a->provenance == pair.b->provenance) {
+    row.reason = fmt::format("{}, follows from the times", to_string(pair.a->provenance));
     return row;
   }
   row.reason = identity_complaint(diff, row.unit);
-  if (row.reason.empty() && (!is_valid(*pair.a) || !is_valid(*pair.b)))
-    row.reason = "an energy row is invalid or uncertain";
+  if (row.reason.empty() && (!is_used(*pair.a) || !is_used(*pair.b)))
+    row.reason = "an energy row is invalid";
   if (row.reason.empty() && pair.a->provenance != pair.b->provenance) {
     row.reason = fmt::format("energy is {} and {}", to_string(pair.a->provenance),
                              to_string(pair.b->provenance));
+  }
+  if (row.reason.empty() &&
+      (pair.a->domain != pair.b->domain || pair.a->idle_subtracted != pair.b->idle_subtracted)) {
+    row.reason = "the meters cover something else";
   }
   if (!row.reason.empty()) {
     row.verdict = GateVerdict::kNotComparable;
     return row;
   }
   row.ratio = pair.ratio();
-  if (pair.a->provenance != Provenance::kMeasured || !row.ratio) {
-    row.verdict = GateVerdict::kNotJudged;
-    row.reason = fmt::format("{}, follows from the times", to_string(pair.a->provenance));
+  const auto base = estimate_of(*pair.a);
+  const auto candidate = estimate_of(*pair.b);
+  if (!base || !candidate) {
+    row.reason = "the meter's figure has no interval";
     return row;
   }
-  row.change = *row.ratio - 1;
+  row.needed = thresholds.effect;
+  std::string doubt = barred_by(pair.a->doubts);
+  if (doubt.empty()) doubt = barred_by(pair.b->doubts);
+  weigh(*base, *candidate, {}, doubt.empty() ? "" : "an energy row is " + doubt, row);
   return row;
 }
 
-/// A row's own estimate comes from few processes and may be small by luck; that of a typical row of
-/// its family stands below it.
-std::map<Family, double> typical_noise(const std::vector<Judged>& rows) {
-  std::map<Family, std::vector<double>> all;
-  for (const auto& [row, family] : rows) {
-    if (row->noise) all[family].push_back(*row->noise);
-  }
-  std::map<Family, double> typical;
-  for (const auto& [family, values] : all) typical[family] = median_of(values);
-  return typical;
-}
-
-/// Slower and faster are a family of tests each; who went the other way counts in it with p = 1.
-void adjust(const std::vector<Judged>& rows) {
-  for (const bool slower : {true, false}) {
-    std::vector<double> p_values;
-    for (const auto& [row, family] : rows) {
-      p_values.push_back((*row->change > 0) == slower ? *row->p : 1);
-    }
-    const auto adjusted = holm_adjusted(p_values);
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-      if ((*rows[i].row->change > 0) == slower) rows[i].row->p = adjusted[i];
-    }
-  }
-}
-
-/// A change that is not chance: beyond the noise between runs, nearly, or neither.
-void weigh(double log_change, double matters, const GateThresholds& thresholds, GateRow& row) {
-  const double change = std::expm1(std::abs(log_change));
-  if (change >= *row.needed) {
-    row.verdict = log_change > 0 ? GateVerdict::kSlower : GateVerdict::kFaster;
-  } else if (log_change > 0 && change >= std::max(matters, thresholds.doubt * *row.needed)) {
-    row.verdict = GateVerdict::kInconclusive;
-    row.reason = fmt::format(
-        "{:.1f} % more, but runs of one program differ by {:.1f} % here, so that {:.1f} % count; "
-        "measure again",
-        100 * change, 100 * *row.noise, 100 * *row.needed);
-  }
-}
-
-/// For a row that is not known to have moved: whether it is known not to have.
-void leave_open(GateRow& row, double matters) {
-  if (row.verdict != GateVerdict::kSame) return;
-  if (row.at_most && *row.at_most < matters) return;
-  row.verdict = GateVerdict::kCannotTell;
-  row.reason =
-      row.at_most
-          ? fmt::format(
-                "may be slower by up to {:.1f} %, where {:.1f} % matter; more processes tell",
-                100 * *row.at_most, 100 * matters)
-          : "too few processes to say how far it may have moved";
-}
-
-void conclude(GateRow& row, double floor, const GateThresholds& thresholds) {
-  const double log_change = *row.change;
-  row.change = std::expm1(log_change);
-  row.noise = std::max(row.noise.value_or(0), floor);
-  const double matters = *row.needed;
-  row.needed = std::max(matters, thresholds.noise_factor * *row.noise);
-  if (*row.p < thresholds.alpha) weigh(log_change, matters, thresholds, row);
-  leave_open(row, matters);
-}
-
-/// Only a rise of twice the effect counts, and of noise_factor times what metered rows of the unit
-/// differ by between these two runs: meters have noise of their own, which no sample of time shows.
-/// Most programs are as they were, so that the rows' spread around their middle is that noise.
-void conclude_energy(const std::vector<GateRow*>& rows, const GateThresholds& thresholds) {
-  std::map<std::string, std::vector<double>> ratios;
-  for (const GateRow* row : rows) ratios[row->unit].push_back(*row->ratio);
-  for (GateRow* row : rows) {
-    const auto& of_unit = ratios[row->unit];
-    const double matters = 2 * thresholds.effect;
-    if (of_unit.size() >= thresholds.workloads) row->noise = process_spread(of_unit);
-    row->needed = std::max(matters, thresholds.noise_factor * row->noise.value_or(0));
-    const double log_change = std::log(*row->ratio);
-    weigh(log_change, matters, thresholds, *row);
-    if (!row->noise) continue;  // one figure, and nothing says how far it may be off
-    constexpr double kOf95Percent = 1.96;
-    row->at_most = std::expm1(log_change + kOf95Percent * *row->noise);
-    leave_open(*row, matters);
-  }
-}
-
-/// "; no program changes the f32 peak (-5.6 %) and memory bandwidth (-27.0 %) of cpu": what both
-/// sides measured of these; empty if neither.
-std::string witness(const ProfileDiff& diff, const std::vector<std::string>& units) {
-  std::string text;
-  for (const auto& unit : units) {
-    std::vector<std::string> moved;
-    for (const auto& [kind, name] : {std::pair{PeakKind::kF32, "f32 peak"},
-                                     std::pair{PeakKind::kBandwidthMemory, "memory bandwidth"}}) {
-      const PeakRow* a = diff.a->find_peak(unit, kind);
-      const PeakRow* b = diff.b->find_peak(unit, kind);
-      if (a == nullptr || b == nullptr || !a->per_second || !b->per_second) continue;
-      moved.push_back(
-          fmt::format("{} ({:+.1f} %)", name, 100 * (*b->per_second / *a->per_second - 1)));
-    }
-    if (moved.empty()) continue;
-    text += fmt::format("; no program changes the {} of {}", join(moved, " and "), unit);
-  }
-  return text;
-}
-
-/// "all of cpu is", "the rows of cpu and opencl that vary most while a process runs are".
-std::string subject(const JointMovement& moved) {
-  const std::string units = join(moved.units, " and ");
-  if (moved.rows == JointMovement::Rows::kUnsteady) {
-    return "the rows of " + units + " that vary most while a process runs are";
-  }
-  return "all of " + units + " is";
-}
-
-/// One row for all that rows moved by together, where that is more than counts in one.
-void add_movements(const ProfileDiff& diff, const std::vector<JointMovement>& movements,
-                   const GateThresholds& thresholds, std::vector<GateRow>& rows) {
-  for (const auto& moved : movements) {
-    const double needed = std::max(thresholds.together, thresholds.noise_factor * moved.noise);
-    if (std::expm1(std::abs(moved.shift)) < needed) continue;
-    GateRow row;
-    row.workload = "all";
-    row.unit = join(moved.units, "+");
-    row.phase = to_string(moved.rows);
-    row.ratio = std::exp(moved.shift);
-    row.change = *row.ratio - 1;
-    row.noise = moved.noise;
-    row.needed = needed;
-    row.verdict = moved.shift > 0 ? GateVerdict::kInconclusive : GateVerdict::kFaster;
-    if (moved.shift > 0) {
-      row.reason = fmt::format(
-          "{} {:.1f} % slower: the machine, or a change to everything{}; compare the two programs "
-          "side by side: --baseline-program",
-          subject(moved), 100 * (*row.ratio - 1), witness(diff, moved.units));
-    }
-    rows.push_back(std::move(row));
-  }
-}
-
+/// Cells of one profile that the other lacks, and phases of cells that both have.
 void add_missing(const ProfileDiff& diff, std::vector<GateRow>& rows) {
-  for (const auto& cell : diff.only_a) {
-    GateRow row;
-    const auto at = cell.find(" on ");
-    row.workload = cell.substr(0, at);
-    row.unit = at == std::string::npos ? "" : cell.substr(at + 4);
-    row.phase = "all";
-    row.verdict = GateVerdict::kNotComparable;
-    row.reason = "the candidate has no such cell";
-    rows.push_back(std::move(row));
+  std::set<std::pair<std::string, std::string>> told;
+  for (const auto* profile : {diff.a, diff.b}) {
+    const bool of_base = profile == diff.a;
+    const Profile& other = of_base ? *diff.b : *diff.a;
+    for (const PhaseRow& row : profile->phases) {
+      if (other.find(row.workload, row.unit, row.phase, row.state) != nullptr) continue;
+      const bool has_cell = std::ranges::any_of(other.phases, [&row](const PhaseRow& each) {
+        return each.workload == row.workload && each.unit == row.unit;
+      });
+      // Without a figure there is nothing to miss.
+      if (has_cell && (!of_base || !is_used(row))) continue;
+      if (!has_cell && !told.emplace(row.workload, row.unit).second) continue;
+      GateRow missing{.workload = row.workload,
+                      .unit = row.unit,
+                      .phase = has_cell ? phase_name(row) : "all",
+                      .setup = has_cell && is_setup(row.phase)};
+      if (!of_base) {
+        missing.verdict = GateVerdict::kNotJudged;
+        missing.reason = "only the candidate has it";
+      } else if (has_cell) {
+        missing.verdict = GateVerdict::kUndecided;
+        missing.reason = "the candidate has no such phase";
+      } else if (is_lost(other, {row.workload, row.unit}, 0)) {
+        missing.verdict = GateVerdict::kFailed;
+        missing.reason = kLost;
+      } else {
+        missing.verdict = GateVerdict::kNotComparable;
+        missing.reason = "the candidate has no such cell, nor planned it";
+      }
+      rows.push_back(std::move(missing));
+    }
   }
 }
 
@@ -343,8 +436,8 @@ std::string_view to_string(GateVerdict verdict) {
       return "failed";
     case GateVerdict::kInconclusive:
       return "inconclusive";
-    case GateVerdict::kCannotTell:
-      return "cannot tell";
+    case GateVerdict::kUndecided:
+      return "undecided";
     case GateVerdict::kNotComparable:
       return "not comparable";
     case GateVerdict::kNotJudged:
@@ -360,34 +453,28 @@ std::int64_t GateResult::count(GateVerdict verdict) const {
 GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds) {
   GateResult result;
   result.identity = diff.identity;
-  CommonMovement::Pairs comparable;
+  const Movements movements(diff, thresholds);
+  result.machine = movements.machine();
   for (const auto& pair : diff.phases) {
-    if (complaint(diff, pair).empty() && !repeats(pair)) comparable.push_back(&pair);
+    result.rows.push_back(compare(diff, pair, movements, thresholds));
+    const bool comparable = result.rows.back().ratio.has_value();
+    if (pair.a->phase == Phase::kCall && comparable && !repeats(pair)) {
+      result.rows.push_back(compare_tails(pair, thresholds));
+    }
   }
-  const CommonMovement movement(*diff.a, comparable, thresholds.workloads);
-  for (const auto& pair : diff.phases) {
-    result.rows.push_back(compare(diff, pair, movement, thresholds));
+  result.rows.insert(result.rows.end(), movements.rows().begin(), movements.rows().end());
+  for (const auto& pair : diff.energies) {
+    result.rows.push_back(compare_energy(diff, pair, thresholds));
   }
-  std::vector<Judged> judged;
-  for (std::size_t i = 0; i < result.rows.size(); ++i) {
-    if (result.rows[i].p) judged.push_back({&result.rows[i], family_of(diff.phases[i])});
-  }
-  adjust(judged);
-  const auto typical = typical_noise(judged);
-  for (const auto& [row, family] : judged) {
-    const auto floor = typical.find(family);
-    conclude(*row, floor == typical.end() ? 0 : floor->second, thresholds);
-  }
-  add_movements(diff, movement.all(), thresholds, result.rows);
-  const auto times = result.rows.size();
-  for (const auto& pair : diff.energies) result.rows.push_back(compare_energy(diff, pair));
-  std::vector<GateRow*> metered;
-  for (std::size_t i = times; i < result.rows.size(); ++i) {
-    if (result.rows[i].change) metered.push_back(&result.rows[i]);
-  }
-  conclude_energy(metered, thresholds);
   add_missing(diff, result.rows);
   return result;
+}
+
+void add_anchor(GateResult against, GateResult& result) {
+  for (GateRow& row : against.rows) {
+    row.against_anchor = true;
+    result.rows.push_back(std::move(row));
+  }
 }
 
 }  // namespace pirt

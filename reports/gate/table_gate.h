@@ -1,22 +1,23 @@
-// Did anything become slower between two stored profiles? One verdict a row, corrected for how many
-// rows are looked at.
+// Did anything become slower between two stored profiles? One verdict a row.
 //
-// What both were measured under comes first: rows of runs that differ in identity are not
-// comparable, and say in what. A row is slower if a one-sided Mann-Whitney test on its raw samples
-// says so after Holm's correction over the table, and its median and its lower quartile rose by at
-// least `effect` and by `noise_factor` times the A/A noise (between_runs.h); a phase of a call that
-// is small beside it, such as `launch`, also by so much that a call is `of_call` longer. Nearly as
-// much is inconclusive: measure again. A row of which nothing of that holds is the same only if the
-// 95 % interval of its change, over the medians of the processes, says that it is not slower by
-// what counts; else one cannot tell.
+// The rule is about intervals. Each row has the 95 % interval of its median over processes. A row
+// is *slower* if its median rose by at least `effect` and the two intervals are at least half of
+// that apart; it is *the same* if the 95 % interval of its change ends below half of that; all else
+// is *undecided*, which is named and counted. Before that, what the machine itself moved by is
+// taken off: the change of the unit's own peaks, measured in both runs, which no program changes. A
+// row must be slower beyond it, and to be the same it must be so with and without it. It is
+// printed.
+//
+// What nearly all rows of a unit moved by together, beyond the peaks, is the machine's or the
+// program's, and no stored figure says whose: one row says so, which is inconclusive, and the rows
+// that moved no further are undecided. Two programs side by side tell (`--baseline-program`).
+//
+// A median is blind to a few calls that take long: cells of enough samples have a row `call tail`
+// as well, the share of calls above a multiple of the base's median.
 //
 // A row that repeats exactly on both sides (counts of an emulator) is slower or faster if it is not
-// the same to the nanosecond.
-//
-// Machines have slow hours: what many rows moved by together (common_movement.h) is taken off each
-// of them and judged in a row of its own, which is inconclusive at worst, since no stored figure
-// says whether the machine or the program was it. Two programs side by side do
-// (`--baseline-program`).
+// the same to the nanosecond. What failed in the candidate fails: a wrong output, an error in two
+// processes or more, a cell that its own plan has and it has not.
 #pragma once
 
 #include <cstdint>
@@ -34,51 +35,65 @@ enum class GateVerdict : std::uint8_t {
   kSame,
   kFaster,
   kSlower,
-  kFailed,  ///< The candidate crashed, hung or computed something else.
-  kInconclusive,
-  /// Nothing was found, though what counts may be there: shown, and without influence.
-  kCannotTell,
+  kFailed,        ///< The candidate crashed, hung, lost a cell or computed something else.
+  kInconclusive,  ///< Something is there, and it cannot be told whose.
+  /// Nothing was found, though what counts may be there: named, counted, and refused by --strict.
+  kUndecided,
   kNotComparable,  ///< Another identity, another workload size, an invalid row, or missing.
-  kNotJudged,      ///< Too few samples for the test; shown, and without influence.
+  kNotJudged,      ///< It has nothing to judge by; without influence.
 };
 [[nodiscard]] std::string_view to_string(GateVerdict verdict);
 
 struct GateThresholds {
-  double alpha = 0.05;  ///< Of the whole table, per direction.
-  double effect = 0.05;
-  double of_call = 0.025;  ///< What a phase adds to a call to count, as a share of the call.
-  double noise_factor = 3;
-  double doubt = 0.8;         ///< Of what counts as slower: from there on inconclusive.
-  std::size_t workloads = 6;  ///< So many tell what all of them moved by.
-  double together = 0.10;     ///< What all of them move by without anybody's doing.
-  std::size_t samples = 9;    ///< A side.
+  double effect = 0.10;  ///< Rise of a median that counts as slower.
+  double setup = 2;      ///< Of set-ups, which a process has one of, so many times that;
+  Nanos setup_grain = std::chrono::milliseconds(1);  ///< and at least this.
+  double of_call = 0.5;  ///< A phase counts if it makes its call longer by this part of `effect`.
+  std::size_t workloads = 6;        ///< Of so many a unit's rows tell what they moved by together.
+  double together = 0.05;           ///< From here on that is said; of set-ups twice as much.
+  std::int64_t tail_samples = 200;  ///< A side.
+  double tail_multiple = 3;         ///< Of the base's median.
+  double tail_share = 0.02;         ///< Rise of the share of such calls that counts as slower,
+  double tail_p = 0.01;             ///< if by chance it is rarer than this.
 };
 
 struct GateRow {
   std::string workload = {}, unit = {};
-  std::string phase = {};  ///< "execute", "prepare cold", "energy".
+  std::string phase = {};  ///< "execute", "prepare cold", "call tail", "energy".
+  bool setup = false;      ///< Of a phase of set-up.
   GateVerdict verdict = GateVerdict::kSame;
   std::string reason = {};  ///< Why it is not same, faster or slower; else empty.
-  std::optional<double> base = {}, candidate = {};  ///< Medians in ns; joules a call of "energy".
+  /// What base and candidate are in: "ns", "J", "share", or the unit that a program says.
+  std::string measure = "ns";
+  std::optional<double> base = {}, candidate = {};  ///< Medians; shares of a tail.
   std::optional<double> ratio = {};                 ///< Candidate over base.
-  std::optional<double> p = {};                     ///< Adjusted, of the direction that it went.
-  /// Relative change that counts: without what rows moved by together, and that of the median or of
-  /// the lower quartile, whichever is less.
-  std::optional<double> change = {};
-  /// Upper end of the 95 % interval of the change, over the medians of the processes; absent below
-  /// 3 processes a side.
-  std::optional<double> at_most = {};
-  std::optional<double> noise = {};   ///< Relative standard deviation between runs of one program.
+  std::optional<double> p = {};  ///< Of two programs and of tails: that it is so by chance.
+  /// Relative change, and the ends of its interval: least by the gap between both intervals, most
+  /// by both widths together. The machine's part is in it.
+  std::optional<double> change = {}, at_least = {}, at_most = {};
   std::optional<double> needed = {};  ///< The change that counts as slower.
+  bool against_anchor = false;        ///< `base` is the anchor's figure.
+};
+
+/// What a unit's own peak changed by: no program does that.
+struct MachineShift {
+  std::string unit;
+  PeakKind kind = PeakKind::kF32;
+  double ratio = 1;  ///< Candidate over base: below 1, the machine was slower.
 };
 
 struct GateResult {
   std::vector<FactDifference> identity;
+  std::vector<MachineShift> machine;
   std::vector<GateRow> rows;
   [[nodiscard]] std::int64_t count(GateVerdict verdict) const;
 };
 
-/// @param diff  Its profiles' samples have been read (ProfileReader::read_samples).
+/// @param diff  Its profiles' samples have been read (ProfileReader::read_samples); without them no
+///              cell has a tail.
 [[nodiscard]] GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds = {});
+
+/// The rows of @p against, which was judged against an older base, behind those of @p result.
+void add_anchor(GateResult against, GateResult& result);
 
 }  // namespace pirt

@@ -76,6 +76,38 @@ Profile slower(Profile profile, const Cells& cells) {
   return profile;
 }
 
+/// @p profile with one in 25 calls of every cell ten times as long.
+Profile with_tails(Profile profile, std::uint64_t seed) {
+  Random random(seed);
+  for (PhaseRow& row : profile.phases) {
+    if (row.phase != Phase::kCall) continue;
+    for (Nanos& value : row.values) {
+      if (random.below(25) == 0) value = scaled(value, 10);
+    }
+  }
+  return profile;
+}
+
+/// Rows of a result: undecided ones among those that are judged, tails that were found among those
+/// that can be.
+struct Rows {
+  std::int64_t undecided = 0, judged = 0, tails = 0, eligible = 0;
+  void add(const GateResult& result) {
+    for (const GateRow& row : result.rows) {
+      if (row.verdict == GateVerdict::kNotJudged) continue;
+      ++judged;
+      undecided += row.verdict == GateVerdict::kUndecided ? 1 : 0;
+    }
+  }
+  void add_tails(const GateResult& result) {
+    for (const GateRow& row : result.rows) {
+      if (row.phase != "call tail" || row.verdict == GateVerdict::kNotJudged) continue;
+      ++eligible;
+      tails += row.verdict == GateVerdict::kSlower ? 1 : 0;
+    }
+  }
+};
+
 /// How many cells are slowed down for each pair of runs.
 constexpr int kInjections = 4;
 
@@ -130,12 +162,16 @@ int tables(std::span<const std::string> paths) {
   if (runs.size() < 2) throw_bad_input("two runs are needed; tests/bench/aa makes some");
   Answers same;
   Answers one_slowed, family_slowed;
+  Rows rows;
   Deck deck(runs.front());
   for (std::size_t a = 0; a < runs.size(); ++a) {
     for (std::size_t b = 0; b < runs.size(); ++b) {
       if (a == b) continue;
       const GateResult result = judge(diff_profiles(runs[a], runs[b]));
       same.add(exit_code_of(result));
+      rows.add(result);
+      const Profile tails = with_tails(runs[b], a * runs.size() + b);
+      rows.add_tails(judge(diff_profiles(runs[a], tails)));
       for (const GateRow& row : result.rows) {
         const bool loud = row.verdict == GateVerdict::kSlower ||
                           row.verdict == GateVerdict::kInconclusive ||
@@ -162,7 +198,12 @@ int tables(std::span<const std::string> paths) {
       "inconclusive ({:.1f} %, goal: at most 20 %)\n",
       same.all(), same.alarm, percent(same.alarm, same.all()), same.inconclusive,
       percent(same.inconclusive, same.all()));
-  fmt::print("+25 % in one cell: {} of {} found ({:.1f} %, goal: at least 90 %), {} inconclusive\n",
+  fmt::print(
+      "rows: {} of {} undecided ({:.1f} %); tails of 4 % x 10: {} of {} found ({:.1f} %, goal: "
+      "at least 90 %)\n",
+      rows.undecided, rows.judged, percent(rows.undecided, rows.judged), rows.tails, rows.eligible,
+      percent(rows.tails, rows.eligible));
+  fmt::print("+25 % in one cell: {} of {} found ({:.1f} %, goal: at least 95 %), {} inconclusive\n",
              one_slowed.alarm, one_slowed.all(), percent(one_slowed.alarm, one_slowed.all()),
              one_slowed.inconclusive);
   fmt::print("+25 % in all of fc6 to fc8: {} of {} found ({:.1f} %), {} inconclusive\n",

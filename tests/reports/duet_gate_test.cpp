@@ -116,15 +116,6 @@ TEST(SelfTest, CountsDecisionsAndBoundsTheirRates) {
   EXPECT_EQ(self_test_json(test)["trials"].size(), 2U);
 }
 
-TEST(SelfTest, BoundsAreThoseOfClopperAndPearson) {
-  EXPECT_NEAR(rate_upper_bound(0, 299), 0.00997, 1e-5);  // 1 - 0.05^(1/299)
-  EXPECT_NEAR(rate_upper_bound(0, 59), 0.0495, 1e-4);
-  EXPECT_NEAR(rate_upper_bound(2, 124), 0.0499, 2e-4);
-  EXPECT_EQ(rate_upper_bound(3, 3), 1);
-  EXPECT_EQ(rate_lower_bound(0, 3), 0);
-  EXPECT_NEAR(rate_lower_bound(3, 3), 0.3684, 1e-4);  // 0.05^(1/3)
-}
-
 TEST(SelfTest, RefusesOtherEvents) {
   SelfTest test;
   for (const char* bad : {R"({})", R"({"decision": {"trial": "sam", "answer": "right"}})",

@@ -17,6 +17,7 @@
 #include "characterize/profile/store/database_format.h"
 #include "characterize/profile/store/sqlite.h"
 #include "workloads/base/error.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
@@ -199,16 +200,33 @@ std::vector<int> parse_cores(const std::string& text) {
   return cores;
 }
 
+/// Empty if @p plan is none that this pirt knows.
+std::vector<CellName> planned_cells(const std::string& plan) {
+  std::vector<CellName> cells;
+  const auto json = try_parse_json(plan);
+  if (!json || !json->is_object() || !json->contains("cells")) return cells;
+  try {
+    for (const Json& entry : json->at("cells")) {
+      cells.push_back({entry.at(0).get<std::string>(), entry.at(1).get<std::string>()});
+    }
+  } catch (const JsonError&) {
+    cells.clear();
+  }
+  return cells;
+}
+
 RunInfo read_run(const Connection& connection, std::int64_t run_id) {
   RunInfo run;
   run.run_id = run_id;
-  Statement head(connection, "SELECT started, finished, platform, seed FROM run WHERE run_id = ?");
+  Statement head(connection,
+                 "SELECT started, finished, platform, seed, plan FROM run WHERE run_id = ?");
   if (!head.bind(run_id).step()) connection.fail_damaged(fmt::format("run {} is missing", run_id));
   run.started = head.text(0);
   run.finished = head.text(1);
   run.platform = head.text(2);
   const std::string seed = head.text(3);
   std::from_chars(seed.data(), seed.data() + seed.size(), run.seed);
+  run.planned = planned_cells(head.is_null(4) ? "" : head.text(4));
   Statement facts(connection, "SELECT key, value, kind FROM environment WHERE run_id = ?");
   facts.bind(run_id);
   while (facts.step()) {

@@ -34,6 +34,7 @@
 --            bimodal (two groups of samples, or of processes), no_kernel_cache,
 --            shared_core, pinned_outputs (downloaded to memory that the device
 --            writes at once), sequence of N frames (played; ops and bytes are the mean over them),
+--            failed_processes: N (of the cell; one that fails is tried once more, and two end it),
 --            deterministic (the figure repeats exactly: one sample is all there is, its interval has no width)
 --            live (calls of a live run, `pirt schedule --update-profile`: one process, other calls between them)
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "characterize/duet/readers.h"
 #include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
 #include "cli/options/files.h"
@@ -78,10 +79,17 @@ GateReport compare(const RegressOptions& options) {
   const Table candidate = open_table(candidate_path, name, options.filter);
   GateReport report{.base = base.name,
                     .candidate = candidate.name,
+                    .strict = options.strict,
                     .result = judge(diff_profiles(base.profile, candidate.profile)),
                     .decisions = decide(options, platform, base.profile, candidate.profile),
                     .rule = {}};
   describe_rule(GateThresholds{}, report);
+  if (!options.anchor.empty()) {
+    refuse_same_file(options.anchor, candidate_path, "; give an older base as --anchor");
+    const Table anchor = open_table(options.anchor, name, options.filter);
+    report.anchor = anchor.name;
+    add_anchor(judge(diff_profiles(anchor.profile, candidate.profile)), report.result);
+  }
   return report;
 }
 
@@ -96,21 +104,34 @@ int regress_tables(const RegressOptions& options) {
 }
 
 int regress(const RegressOptions& options) {
+  if (!options.baseline_command.empty()) return regress_commands(options);
   if (!options.baseline_program.empty()) return regress_programs(options);
   return regress_tables(options);
 }
 
-/// What two profiles and two programs each know nothing of is refused.
+/// What two profiles, two programs and two commands each know nothing of is refused.
 void keep_apart(const Command& command, const Option& profiles) {
   const auto option = [&](const char* name) { return command.option(name); };
-  option("--baseline-program").needs(option("--candidate-program"));
-  option("--candidate-program").needs(option("--baseline-program"));
-  for (const auto* name :
-       {"--baseline-program", "--candidate-program", "--units", "--seed", "--work", "--cold",
-        "--one-at-a-time", "--max-time", "--sample-limit", "--ledger"}) {
+  for (const char* what : {"program", "command"}) {
+    const std::string of(what);
+    option(("--baseline-" + of).c_str()).needs(option(("--candidate-" + of).c_str()));
+    option(("--candidate-" + of).c_str()).needs(option(("--baseline-" + of).c_str()));
+    option(("--baseline-" + of).c_str()).excludes(profiles);
+  }
+  option("--baseline-program").excludes(option("--baseline-command"));
+  for (const auto* name : {"--setup-command", "--reads", "--warm-up"}) {
+    option(name).needs(option("--baseline-command"));
+  }
+  for (const auto* name : {"--units", "--work", "--cold", "--one-at-a-time"}) {
+    option(name).excludes(profiles).excludes(option("--baseline-command"));
+  }
+  for (const auto* name : {"--filter", "--platform"}) {
+    option(name).excludes(option("--baseline-command"));
+  }
+  for (const auto* name : {"--seed", "--max-time", "--sample-limit", "--ledger"}) {
     option(name).excludes(profiles);
   }
-  option("--mix").needs(profiles);
+  for (const auto* name : {"--mix", "--anchor"}) option(name).needs(profiles);
 }
 
 }  // namespace
@@ -121,20 +142,39 @@ int emit_report(const GateReport& report, const RegressOptions& options) {
   if (options.junit) emit_text(gate_junit(report), options.junit);
   const std::string text = takes_stdout(options) ? "" : render(document, Format::kText);
   emit(text, gate_json(report), options.json);
-  return exit_code_of(report.result);
+  return exit_code_of(report.result, report.strict);
 }
 
 void add_regress(CLI::App& app, Action& action) {
   auto options = std::make_shared<RegressOptions>();
   Command command(
       app, "regress",
-      "Compare two profiles or two programs and fail if anything became slower: for CI");
+      "Compare two profiles, two pirts or any two commands and fail if anything became slower: for "
+      "CI");
   const Option profiles =
       add_input(command, "profiles", &options->files, "Profile databases: BASELINE CANDIDATE");
   add_input(command, "--baseline-program", &options->baseline_program,
             "A pirt to compare with: fresh processes of both, in turns");
   add_input(command, "--candidate-program", &options->candidate_program,
             "The pirt that must not be slower");
+  add_text(command, "--baseline-command", &options->baseline_command, "COMMAND",
+           "Any program to compare with, and its arguments: words as a shell splits them, but no "
+           "shell; fresh processes of both, in turns");
+  add_text(command, "--candidate-command", &options->candidate_command, "COMMAND",
+           "The command that must not be slower");
+  std::vector<std::string> readers;
+  for (const OutputReader& reader : output_readers()) readers.emplace_back(reader.name);
+  add_choice(
+      command, "--reads", &options->reads, "READER", readers,
+      "Commands: what is compared: wall and processor time and peak memory of the process, "
+      "or what it prints: JSON of Google Benchmark, lines NAME VALUE UNIT [lower|higher], or "
+      "what pirt sample answers")
+      .shows_default();
+  add_text(command, "--setup-command", &options->setup_command, "COMMAND",
+           "Commands: run once before anything");
+  add_value(command, "--warm-up", &options->warm_up, "N", not_within(1, 100),
+            "Commands: first runs of each that do not count")
+      .shows_default();
   add_filter(command, options->filter);
   add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file (default: that of each file's newest "
@@ -144,7 +184,7 @@ void add_regress(CLI::App& app, Action& action) {
   add_list_of(command, "--units", options->units, "UNIT",
               "Programs: units to compare on, with commas (default: all)")
       .offers(offer_units());
-  add_seed(command, options->seed, "Programs: seed of inputs and of the order");
+  add_seed(command, options->seed, "Programs, commands: seed of inputs and of the order");
   add_value(command, "--work", &options->work, "DURATION", no_duration,
             "Programs: how long a process repeats its calls")
       .shows_default();
@@ -154,10 +194,11 @@ void add_regress(CLI::App& app, Action& action) {
                    "Programs: never two processes at once (default: units that share no physical "
                    "core are measured side by side)");
   add_value(command, "--max-time", &options->max_time, "DURATION", no_duration,
-            "Programs: what is undecided after this is inconclusive; go on with the same command")
+            "Programs, commands: what is undecided after this is inconclusive; go on with the same "
+            "command")
       .shows_default();
   add_value(command, "--sample-limit", &options->sample_limit, "DURATION", no_duration,
-            "Programs: a process that takes longer hangs, and its cell has failed")
+            "Programs, commands: a process that takes longer hangs, and its cell has failed")
       .shows_default();
   add_continued(command, "--ledger", &options->ledger,
                 "File that keeps what was measured, to go on after an interruption (default: "
@@ -166,6 +207,11 @@ void add_regress(CLI::App& app, Action& action) {
             "Profiles: mix whose cost is shown in each mode on both, or none", FileUse::kReadIfFile)
       .offers(offer_mixes())
       .shows_default();
+  add_input(command, "--anchor", &options->anchor,
+            "Profiles: an older base, such as the last release, to compare with as well: steps too "
+            "small to count add up");
+  command.add_flag("--strict", options->strict,
+                   "Exit with 3 also where nothing was found but rows are undecided");
   command.add_flag("--all", options->all, "Show also the rows that are the same or not judged");
   add_output(command, "--markdown", options->markdown,
              "Write the report as Markdown to a file, or to stdout for -");
@@ -175,7 +221,10 @@ void add_regress(CLI::App& app, Action& action) {
   command.footer(
       "Exit code 0: nothing became slower; 1: something did, or failed; 2: bad input; 3: "
       "inconclusive, or not "
-      "comparable.\nExample: pirt regress base.db new.db --markdown report.md --junit r.xml");
+      "comparable.\nExample: pirt regress base.db new.db --markdown report.md --junit r.xml\n"
+      "Example: pirt regress --baseline-command 'old/bench' --candidate-command 'new/bench' "
+      "--reads "
+      "gbench");
   command.runs(action, [options] { return regress(*options); });
 }
 

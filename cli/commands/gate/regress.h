@@ -1,11 +1,14 @@
 // What the ways of `pirt regress` share: its options and how its answer goes out.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "characterize/duet/duet.h"
 #include "cli/options/output.h"
 #include "reports/gate/gate_report.h"
 
@@ -14,6 +17,9 @@ namespace pirt::cli {
 struct RegressOptions {
   std::vector<std::string> files;  ///< Two stored profiles.
   std::string baseline_program, candidate_program;
+  std::string baseline_command, candidate_command, setup_command;
+  std::string reads = "time";
+  int warm_up = 1;
 
   std::string filter;
   std::string platform;
@@ -27,6 +33,8 @@ struct RegressOptions {
   std::string sample_limit = "60s";
   std::optional<std::string> ledger;
 
+  std::string anchor;
+  bool strict = false;
   bool all = false;
   Output markdown, junit, json;
 };
@@ -35,5 +43,20 @@ struct RegressOptions {
 int emit_report(const GateReport& report, const RegressOptions& options);
 
 int regress_programs(const RegressOptions& options);
+int regress_commands(const RegressOptions& options);
+
+/// A comparison of two that run, from its ledger on, until it is decided or the time is up.
+struct LiveComparison {
+  DuetComparison& comparison;
+  Ledger::Event key;
+  TakeSample take;
+  DuetRounds rounds;
+  const std::atomic<bool>* stop = nullptr;
+  std::function<void(const DuetStep&)> on_step = {};  ///< Before each step; may be empty.
+};
+/// Measures, prints the answer and keeps the ledger as long as there is something to go on with.
+/// @return The exit code.
+int finish_comparison(const RegressOptions& options, const LiveComparison& live,
+                      const std::string& baseline, const std::string& candidate);
 
 }  // namespace pirt::cli

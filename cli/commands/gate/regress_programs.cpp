@@ -104,18 +104,15 @@ std::string step_text(const DuetComparison& comparison, const DuetStep& step) {
 
 }  // namespace
 
-int regress_programs(const RegressOptions& options) {
+int finish_comparison(const RegressOptions& options, const LiveComparison& live,
+                      const std::string& baseline, const std::string& candidate) {
   if (!options.ledger) {  // main knows one that is named
     auto files = written_files({&options.markdown, &options.junit, &options.json});
     files.push_back({"the ledger", kDefaultLedger, FileUse::kContinued});
     check_files(std::move(files));
   }
-  DuetPrograms programs = programs_of(options);
-  programs.baseline = checked_program(options.baseline_program, "--baseline-program");
-  programs.candidate = checked_program(options.candidate_program, "--candidate-program");
-  const auto cells = chosen_cells(options, programs);
-  DuetComparison comparison(cells, options.seed);
-  Ledger ledger(options.ledger.value_or(kDefaultLedger), ledger_key(programs, cells),
+  DuetComparison& comparison = live.comparison;
+  Ledger ledger(options.ledger.value_or(kDefaultLedger), live.key,
                 [&](const Ledger::Event& event) { comparison.apply(event); });
   if (const auto there = comparison.processes(); there > 0) {
     warn(fmt::format("going on with {}: {} processes are there", ledger.path().string(), there));
@@ -123,33 +120,55 @@ int regress_programs(const RegressOptions& options) {
   DuetEnd end = DuetEnd::kDecided;
   {
     const ProgressLine line;
-    end = run_duet(comparison, ledger, program_samples(programs),
-                   options.one_at_a_time ? one_at_a_time(cells.size())
-                                         : side_by_side(programs.platform, cells),
-                   {.time = parse_duration(options.max_time), .stop = programs.stop},
-                   [&](const DuetStep& step) { line.show(step_text(comparison, step)); });
+    end = run_duet(comparison, ledger, live.take, live.rounds,
+                   {.time = parse_duration(options.max_time), .stop = live.stop},
+                   [&](const DuetStep& step) {
+                     if (live.on_step) live.on_step(step);
+                     line.show(step_text(comparison, step));
+                   });
   }
-  GateReport report{.base = options.baseline_program,
-                    .candidate = options.candidate_program,
+  GateReport report{.base = baseline,
+                    .candidate = candidate,
+                    .strict = options.strict,
                     .result = judge_duet(comparison, end),
                     .decisions = std::nullopt,
                     .rule = {}};
   describe_rule(report);
-  report.decisions = Decisions{.mix = "", .flips = find_flips(report.result), .modes = {}};
+  if (!options.baseline_program.empty()) {
+    report.decisions = Decisions{.mix = "", .flips = find_flips(report.result), .modes = {}};
+  }
   const int code = emit_report(report, options);
   if (end == DuetEnd::kStopped) {
     throw_environment(fmt::format(
         "interrupted; {} of {} cells are decided and {} processes are kept in '{}': go on with the "
         "same command",
-        comparison.decided(), cells.size(), comparison.processes(), ledger.path().string()));
+        comparison.decided(), comparison.cells().size(), comparison.processes(),
+        ledger.path().string()));
   }
   if (end == DuetEnd::kOutOfTime) {
     warn(fmt::format("{} of {} cells are decided; the same command goes on with '{}'",
-                     comparison.decided(), cells.size(), ledger.path().string()));
+                     comparison.decided(), comparison.cells().size(), ledger.path().string()));
   } else if (!options.ledger) {
     std::filesystem::remove(ledger.path());
   }
   return code;
+}
+
+int regress_programs(const RegressOptions& options) {
+  DuetPrograms programs = programs_of(options);
+  programs.baseline = checked_program(options.baseline_program, "--baseline-program");
+  programs.candidate = checked_program(options.candidate_program, "--candidate-program");
+  const auto cells = chosen_cells(options, programs);
+  DuetComparison comparison(cells, options.seed);
+  return finish_comparison(
+      options,
+      {.comparison = comparison,
+       .key = ledger_key(programs, cells),
+       .take = program_samples(programs),
+       .rounds = options.one_at_a_time ? one_at_a_time(cells.size())
+                                       : side_by_side(programs.platform, cells),
+       .stop = programs.stop},
+      options.baseline_program, options.candidate_program);
 }
 
 }  // namespace pirt::cli

@@ -328,12 +328,26 @@ TEST_F(Cell, KeepsWhatWasSampledBeforeAFailure) {
   JobResult crashed;
   crashed.error = "worker crashed (SIGSEGV) while sampling";
   cell.add(State::kWarm, crashed);
+  ASSERT_TRUE(cell.next().has_value()) << "tried once more";
+  EXPECT_EQ(cell.visits(), cell.processes() + 1);
+  cell.add(State::kWarm, crashed);
   EXPECT_FALSE(cell.next().has_value());
+  EXPECT_THAT(row(Phase::kCall).notes, Contains("failed_processes: 2"));
   EXPECT_EQ(cell.needed_visits(), 0);
   EXPECT_THAT(row(Phase::kCall).reasons,
               ElementsAre("error: worker crashed (SIGSEGV) while sampling"));
   EXPECT_THAT(row(Phase::kCall).doubts, ElementsAre("few_samples"));
   EXPECT_EQ(row(Phase::kCall).samples.size(), 15U);
+}
+
+TEST_F(Cell, AFailureOfOneProcessIsTriedAgainAndNoted) {
+  JobResult crashed;
+  crashed.error = "worker crashed (SIGSEGV) while sampling";
+  cell.add(State::kCold, crashed);
+  add({10, 10, 10, 10});
+  EXPECT_TRUE(row(Phase::kCall).reasons.empty());
+  EXPECT_THAT(row(Phase::kCall).notes, Contains("failed_processes: 1"));
+  EXPECT_EQ(row(Phase::kCall).samples.size(), 20U);
 }
 
 }  // namespace

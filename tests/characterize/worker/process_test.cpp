@@ -109,6 +109,19 @@ TEST(Process, DoesNotWaitForWhatItLeftBehind) {
   EXPECT_TRUE(is_gone_soon(std::stoi(result.output)));
 }
 
+TEST(Process, TellsWhatItTook) {
+  const auto slept = run_process(shell("sleep 0.05"));
+  EXPECT_GE(slept.wall, std::chrono::milliseconds(50));
+  EXPECT_LT(slept.cpu, slept.wall);
+  const auto busy = run_process(shell("i=0; while [ $i -lt 20000 ]; do i=$((i + 1)); done"));
+  EXPECT_GT(busy.cpu, Nanos(0));
+  // A child of a child counts once it was waited for. 300 MB are more than this process has.
+  const auto large = run_process(shell("head -c 300000000 /dev/zero | tail -c 299999999 | wc -c"));
+  ASSERT_TRUE(large.peak_bytes.has_value()) << large.diagnostics;
+  EXPECT_GT(*large.peak_bytes, 250'000'000);
+  EXPECT_FALSE(run_process(shell("true")).peak_bytes) << "less than this process has itself";
+}
+
 TEST(Process, StopsWhenAsked) {
   std::atomic<bool> stop = false;
   auto request = shell("sleep 1000");

@@ -1,0 +1,196 @@
+#include "characterize/duet/readers.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <map>
+
+#include "characterize/statistics/rank_tests.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt {
+namespace {
+
+constexpr std::size_t kMostFigures = 1000;
+constexpr std::size_t kLongestName = 200;
+constexpr std::size_t kLongestFilter = 60'000;  // characters; an argument has 128 KiB
+
+/// Figures by name as they come; a name that comes again has the median of them.
+class Figures {
+ public:
+  void add(const std::string& name, double value, const Measure& measure) {
+    if (name.empty() || name.size() > kLongestName) {
+      throw_bad_input(
+          fmt::format("a name of {} characters, not of 1 to {}", name.size(), kLongestName));
+    }
+    if (!std::isfinite(value)) throw_bad_input("'" + name + "' is no finite figure");
+    const auto [known, is_new] = measures_.try_emplace(name, measure);
+    if (!is_new && (known->second.unit != measure.unit ||
+                    known->second.higher_is_better != measure.higher_is_better)) {
+      throw_bad_input("'" + name + "' comes again in another unit or direction");
+    }
+    values_[name].push_back(value);
+    if (values_.size() > kMostFigures) {
+      throw_bad_input(fmt::format("more than {} figures; let it print fewer", kMostFigures));
+    }
+  }
+
+  [[nodiscard]] Sample sample() const {
+    Sample sample;
+    for (const auto& [name, values] : values_) {
+      sample.seconds[name] = median_of(values);
+      const Measure& measure = measures_.at(name);
+      if (measure.unit != "s" || measure.higher_is_better) sample.measures[name] = measure;
+    }
+    if (sample.seconds.empty()) throw_bad_input("it printed no figure");
+    return sample;
+  }
+
+ private:
+  std::map<std::string, std::vector<double>> values_;
+  std::map<std::string, Measure> measures_;
+};
+
+std::vector<std::string> no_arguments(const std::vector<std::string>&) { return {}; }
+
+Sample read_pirt(const ProcessResult& process) { return sample_from_json(process.output); }
+
+Sample read_time(const ProcessResult& process) {
+  Figures figures;
+  figures.add("wall", to_s(process.wall), {"s"});
+  figures.add("cpu", to_s(process.cpu), {"s"});
+  if (process.peak_bytes) {
+    figures.add("memory", static_cast<double>(*process.peak_bytes), {"bytes"});
+  }
+  return figures.sample();
+}
+
+/// Of versions that do not say `run_type`.
+bool is_named_as_aggregate(const std::string& name) {
+  constexpr std::array kEnds = {"_BigO", "_RMS", "_mean", "_median", "_stddev", "_cv"};
+  return std::ranges::any_of(kEnds, [&name](const char* end) { return name.ends_with(end); });
+}
+
+double seconds_in(const std::string& unit) {
+  constexpr std::array<std::pair<std::string_view, double>, 4> kUnits = {
+      {{"ns", 1e-9}, {"us", 1e-6}, {"ms", 1e-3}, {"s", 1}}};
+  for (const auto& [name, seconds] : kUnits) {
+    if (name == unit) return seconds;
+  }
+  throw_bad_input("an unknown time_unit '" + unit + "'");
+}
+
+Sample read_gbench(const ProcessResult& process) {
+  // What the program prints besides stands before it.
+  const auto begin = process.output.starts_with('{') ? 0 : process.output.find("\n{");
+  const auto json =
+      begin == std::string::npos ? std::nullopt : try_parse_json(process.output.substr(begin));
+  if (!json || !json->is_object() || !json->contains("benchmarks")) {
+    throw_bad_input(fmt::format("stdout is no JSON of Google Benchmark but '{}'",
+                                one_line(process.output, 60)));
+  }
+  Figures figures;
+  try {
+    for (const Json& entry : json->at("benchmarks")) {
+      const std::string name = entry.at("name");
+      if (entry.value("error_occurred", false)) {
+        throw_bad_input(fmt::format("benchmark {}: {}", name,
+                                    entry.value("error_message", std::string("an error"))));
+      }
+      if (entry.value("run_type", std::string(is_named_as_aggregate(name) ? "" : "iteration")) !=
+          "iteration") {
+        continue;
+      }
+      figures.add(name,
+                  entry.at("real_time").get<double>() *
+                      seconds_in(entry.value("time_unit", std::string("ns"))),
+                  {"s"});
+    }
+  } catch (const JsonError& error) {
+    throw_bad_input("a benchmark's entry: " + error.reason());
+  }
+  return figures.sample();
+}
+
+/// A regular expression that finds exactly these names.
+std::vector<std::string> gbench_arguments(const std::vector<std::string>& only) {
+  std::vector<std::string> arguments = {"--benchmark_format=json"};
+  std::string filter;
+  for (const std::string& name : only) {
+    filter += filter.empty() ? "^(" : "|";
+    for (const char c : name) {
+      if (std::string_view(R"(\^$.|?*+()[]{})").find(c) != std::string_view::npos) filter += '\\';
+      filter += c;
+    }
+  }
+  if (!filter.empty() && filter.size() < kLongestFilter) {
+    arguments.push_back("--benchmark_filter=" + filter + ")$");
+  }
+  return arguments;
+}
+
+std::vector<std::string> words_of(const std::string& line) {
+  std::vector<std::string> words;
+  for (const std::string& word : split(line, ' ')) {
+    if (!word.empty()) words.push_back(word);
+  }
+  return words;
+}
+
+Sample read_lines(const ProcessResult& process) {
+  Figures figures;
+  int number = 0;
+  for (std::string line : split(process.output, '\n')) {
+    ++number;
+    std::ranges::replace(line, '\t', ' ');
+    if (line.ends_with('\r')) line.pop_back();
+    const auto words = words_of(line);
+    if (words.empty() || words[0].starts_with('#')) continue;
+    const auto fail = [&](const std::string& why) {
+      throw_bad_input(fmt::format("line {} '{}': {}; a line is NAME VALUE UNIT [lower|higher]",
+                                  number, one_line(line, 60), why));
+    };
+    if (words.size() < 3 || words.size() > 4) fail(fmt::format("{} words", words.size()));
+    double value = 0;
+    const std::string& text = words[1];
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc() || end != text.data() + text.size()) {
+      fail("'" + text + "' is no number");
+    }
+    const std::string direction = words.size() == 4 ? words[3] : "lower";
+    if (direction != "lower" && direction != "higher") fail("'" + direction + "' is no direction");
+    try {
+      figures.add(words[0], value, {words[2], direction == "higher"});
+    } catch (const Error& problem) {
+      fail(problem.what());
+    }
+  }
+  return figures.sample();
+}
+
+constexpr std::array<OutputReader, 4> kReaders = {
+    {{"time", "wall and processor time and peak memory of the process", read_time, no_arguments},
+     {"gbench", "JSON of Google Benchmark", read_gbench, gbench_arguments},
+     {"lines", "lines NAME VALUE UNIT [lower|higher]", read_lines, no_arguments},
+     {"pirt", "what pirt sample answers", read_pirt, no_arguments}}};
+
+}  // namespace
+
+std::span<const OutputReader> output_readers() { return kReaders; }
+
+const OutputReader& find_reader(const std::string& name) {
+  std::vector<std::string> names;
+  for (const OutputReader& reader : kReaders) {
+    if (reader.name == name) return reader;
+    names.emplace_back(reader.name);
+  }
+  throw_bad_input("nothing reads '" + name + "'" + suggestion(name, names) + "; --reads " +
+                  join(names, ", "));
+}
+
+}  // namespace pirt

@@ -1,0 +1,56 @@
+// pirt regress with two commands: is what the second one measures slower, here and now?
+#include <fmt/core.h>
+
+#include "characterize/duet/commands.h"
+#include "cli/commands/gate/regress.h"
+#include "cli/long_run.h"
+#include "cli/options/duration.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/shell.h"
+
+namespace pirt::cli {
+namespace {
+
+DuetCommands commands_of(const RegressOptions& options) {
+  DuetCommands commands;
+  commands.baseline = shell_words(options.baseline_command);
+  commands.candidate = shell_words(options.candidate_command);
+  if (!options.setup_command.empty()) commands.setup = shell_words(options.setup_command);
+  for (const auto* words : {&commands.baseline, &commands.candidate, &commands.setup}) {
+    if (!words->empty()) static_cast<void>(find_program(words->front()));
+  }
+  commands.reader = &find_reader(options.reads);
+  commands.warm_up = options.warm_up;
+  commands.limit = parse_duration(options.sample_limit);
+  commands.stop = stop_on_signal();
+  return commands;
+}
+
+/// Once the first runs of both have told how long one takes.
+void say_how_long(const DuetComparison& comparison, const DuetStep& step,
+                  const std::string& max_time) {
+  const DuetCellState& state = comparison.cells().front();
+  if (step.kind != DuetStep::Kind::kBlock || state.blocks > 0) return;
+  const double run_s = (state.checks[0]->wall_s + state.checks[1]->wall_s) / 2;
+  warn(fmt::format("{}; at most --max-time {}", duration_text(run_s), max_time));
+}
+
+}  // namespace
+
+int regress_commands(const RegressOptions& options) {
+  const DuetCommands commands = commands_of(options);
+  DuetComparison comparison({{std::string(kCommandCell), ""}}, options.seed);
+  const auto key = ledger_key(commands, options.seed);
+  run_setup(commands);
+  return finish_comparison(
+      options,
+      {.comparison = comparison,
+       .key = key,
+       .take = command_samples(commands, comparison),
+       .rounds = one_at_a_time(1),
+       .stop = commands.stop,
+       .on_step = [&](const DuetStep& step) { say_how_long(comparison, step, options.max_time); }},
+      options.baseline_command, options.candidate_command);
+}
+
+}  // namespace pirt::cli
