@@ -17,6 +17,7 @@ void add_regress(CLI::App& app, Action& action);
 void add_replay(CLI::App& app, Action& action);
 void add_export(CLI::App& app, Action& action);
 void add_diff(CLI::App& app, Action& action);
+void add_history(CLI::App& app, Action& action);
 void add_generate(CLI::App& app, Action& action);
 void add_run_robot(CLI::App& app, Action& action);
 void add_generate_dag(CLI::App& app, Action& action);

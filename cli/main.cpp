@@ -30,6 +30,7 @@ constexpr AddCommand* kCommands[] = {
     add_replay,         //
     add_export,         //
     add_diff,           //
+    add_history,        //
     add_run_robot,      //
     add_generate,       //
     add_generate_dag,   // a kind of it, as the next

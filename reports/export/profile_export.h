@@ -49,15 +49,6 @@ struct BenchmarkExport {
 };
 [[nodiscard]] BenchmarkExport export_google_benchmark(const Profile& profile);
 
-/// Entries {name, unit, value, range, extra} of medians, as the actions that plot a benchmark's
-/// history read them ("customSmallerIsBetter"): ns a call, and J a call of rows `energy`; valid
-/// rows only. `range` is half the 95 % interval, where there is one.
-struct HistoryExport {
-  Json json;
-  std::vector<std::string> left_out;
-};
-[[nodiscard]] HistoryExport export_history(const Profile& profile);
-
 /// `workload/unit/phase/real_time`, with `prepare_cold` and `prepare_warm` and the like for phases
 /// that have states.
 [[nodiscard]] std::string benchmark_name(const PhaseRow& row);

@@ -126,7 +126,11 @@ TEST_F(Schema, OfProfiles) {
   add("report-paper", {"report", "paper", database, "--platform", board, "--mix", mix});
   const auto copy = scratch_.write("copy.db", slurp(database));
   add("diff", {"diff", database, copy});
+  add("history", {"history", database, copy});
   add("regress", {"regress", database, copy, "--mix", "none"});
+  add("regress", {"regress", database, copy, "--mix", "none", "--anchor", database});
+  add("regress-commands", {"regress", "--baseline-command", "echo time 1 s", "--candidate-command",
+                           "echo time 1 s", "--reads", "lines", "--ledger", scratch_.file("l")});
   add("regress", {"regress", database, copy, "--mix", mix, "--platform", board});
   // What ran live beside what was predicted of it, and a second profile.
   std::vector<std::string> files = {"report", database, copy};

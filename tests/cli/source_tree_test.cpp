@@ -109,7 +109,7 @@ TEST(SourceTree, RoomsIncludeThoseBeforeThem) {
        "scheduler/dispatcher", "scheduler/record", "scheduler/trace", "scheduler/virtual",
        "scheduler/runtime", "scheduler/robot", "scheduler/bounds", "scheduler/budget", "scheduler"},
       {"reports/document", "reports/profile", "reports/run", "reports/paper", "reports/export",
-       "reports/gate", "reports/tools", "reports"},
+       "reports/gate", "reports/history", "reports/tools", "reports"},
       {"cli/options", "cli/guide", "cli", "cli/commands/measure", "cli/commands/schedule",
        "cli/commands/robot", "cli/commands/show", "cli/commands/gate"}};
   const auto room_of = [](const std::vector<std::string>& house, const std::string& path) {

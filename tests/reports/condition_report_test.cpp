@@ -96,7 +96,6 @@ TEST(ConditionReport, AreExportedApart) {
   EXPECT_THAT(export_csv(profile, CsvTable::kUnitTimes),
               HasSubstr("\n1,cpu,handover,10000000,measured,1,,10,71000,"));
   EXPECT_THAT(export_google_benchmark(profile).json["benchmarks"], SizeIs(5));
-  EXPECT_THAT(export_history(profile).json, SizeIs(1));
 }
 
 TEST(ConditionReport, AreComparedWithTheirLike) {

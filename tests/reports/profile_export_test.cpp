@@ -119,19 +119,6 @@ TEST(ProfileExport, GoogleBenchmarkLeavesOutWhatIsNotValid) {
   EXPECT_EQ(json_text(result.json["benchmarks"]).find("prepare"), std::string::npos);
 }
 
-TEST(ProfileExport, HistoryHasMediansOfValidRows) {
-  const auto result = export_history(small_data());
-  EXPECT_THAT(result.left_out,
-              ElementsAre("sobel/cpu/prepare_cold/real_time: few_samples, clock_bound"));
-  ASSERT_GE(result.json.size(), 2U);
-  const auto& sobel = result.json[0];
-  EXPECT_EQ(sobel["name"], "sobel/cpu/call/real_time");
-  EXPECT_EQ(sobel["unit"], "ns");
-  EXPECT_EQ(sobel["value"], 100e6);
-  EXPECT_EQ(sobel["extra"], "measured");
-  for (const auto& entry : result.json) EXPECT_GT(entry["value"].get<double>(), 0) << entry["name"];
-}
-
 TEST(ProfileExport, KeepsTheWorkloadsOfAFilter) {
   auto profile = test::small_profile(1);
   keep_workloads(profile, "^fc");

@@ -27,7 +27,7 @@ struct ExportFlags {
 };
 
 const std::vector<std::string>& formats() {
-  static const std::vector<std::string> kFormats = {"json", "csv", "gbench", "history"};
+  static const std::vector<std::string> kFormats = {"json", "csv", "gbench"};
   return kFormats;
 }
 
@@ -57,11 +57,6 @@ std::string exported(const ExportFlags& options) {
     auto json = export_json(load());
     json["schema_version"] = 1;
     return json_text(json, 1) + "\n";
-  }
-  if (options.format == "history") {
-    const auto result = export_history(load());
-    for (const auto& row : result.left_out) warn("not exported, since it is not valid: " + row);
-    return json_text(result.json, 1) + "\n";
   }
   const auto result = export_google_benchmark(load());
   for (const auto& row : result.left_out) warn("not exported, since it is not valid: " + row);
@@ -94,9 +89,8 @@ void add_export(CLI::App& app, Action& action) {
   add_input(command, "profile", &options->database, "The profile database");
   add_text(command, "--format", &options->format, "FORMAT",
            "json: everything, raw samples included | csv: one table | gbench: JSON as "
-           "Google Benchmark writes it, valid rows only, ns a call | history: medians for "
-           "benchmark-history actions, smaller is better")
-      .offers(std::vector<std::string>{"json", "csv", "gbench", "history"});
+           "Google Benchmark writes it, valid rows only, ns a call")
+      .offers(std::vector<std::string>{"json", "csv", "gbench"});
   add_text(command, "--table", &options->table, "TABLE",
            "With csv: profile | conditions (cold caches, beside others) | units (hand-overs and "
            "what else they take beside calls) | energy | peaks | samples (default: profile)")

@@ -1,0 +1,83 @@
+// The rows of many runs over time: at which run each became slower or faster, and by how much.
+//
+// A series is one row (platform, workload, unit, phase) over the runs that may be compared; where
+// another machine, driver or text of the platform begins, so does another stretch, and a change
+// there is nobody's.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "characterize/profile/profile.h"
+#include "characterize/statistics/change_points.h"
+#include "reports/document/document.h"
+#include "workloads/base/text/json.h"
+
+namespace pirt {
+
+/// A run that a point is of.
+struct HistoryRun {
+  std::string file;
+  RunInfo info;
+};
+
+struct HistoryPoint {
+  std::size_t run = 0;  ///< Index of History::runs.
+  double value = 0;     ///< Median, in ns or joules a call; above 0.
+  std::optional<double> low = std::nullopt, high = std::nullopt;  ///< Its 95 % interval.
+  bool doubted = false;
+};
+
+struct HistoryChange {
+  std::size_t before = 0, after = 0;  ///< Points between which it lies.
+  double ratio = 1;                   ///< Of the levels.
+  enum class Kind : std::uint8_t {
+    kStep,       ///< For sure.
+    kSuspected,  ///< Since the newest few points, not for sure.
+    kCreep,      ///< From the stretch's first quarter to its last, without a step that explains it.
+    kBreak,      ///< Another machine, driver or platform begins; no change of the program.
+  } kind = Kind::kStep;
+  std::string why = {};  ///< Of a break.
+};
+[[nodiscard]] std::string_view to_string(HistoryChange::Kind kind);
+
+struct HistorySeries {
+  std::string workload, unit, phase;  ///< phase: "execute", "prepare cold", "energy".
+  std::vector<HistoryPoint> points;   ///< In order of time.
+  std::vector<HistoryChange> changes = {};
+  [[nodiscard]] const char* measure() const { return phase == "energy" ? "J" : "ns"; }
+};
+
+struct History {
+  std::string platform;
+  std::vector<HistoryRun> runs;  ///< In order of time.
+  std::vector<HistorySeries> series;
+};
+
+/// Steps below this count as none, however exactly figures repeat: a standard deviation, relative.
+inline constexpr double kLeastHistoryNoise = 0.002;
+
+/// The databases that @p paths name, of a folder those in it (*.db), by name.
+/// @throws Error{kBadInput} for a folder without one.
+[[nodiscard]] std::vector<std::filesystem::path> history_files(
+    const std::vector<std::string>& paths);
+
+/// The finished runs of all files, of which one that stands in several counts once, with what
+/// changed. Invalid rows have no point, metered energy has one.
+/// @param platform  Empty = that of the newest run of the first file.
+/// @param filter    A NameFilter of workload names; empty = all.
+/// @throws Error{kBadInput} as ProfileReader; if no file has a finished run of the platform.
+[[nodiscard]] History read_history(const std::vector<std::filesystem::path>& files,
+                                   const std::string& platform, const std::string& filter);
+
+/// Fills in the changes of each series.
+void find_changes(History& history);
+
+/// @param all  Also a chart of each workload on each unit.
+[[nodiscard]] Document history_document(const History& history, bool all);
+[[nodiscard]] Json history_json(const History& history);
+
+}  // namespace pirt
