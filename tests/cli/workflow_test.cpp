@@ -1,6 +1,8 @@
-// The workflow files that users copy: they parse, and ask for nothing that pirt does not have.
+// The workflow files that users copy: they parse, ask for nothing that pirt does not have, and do
+// what they say: their steps are run as they stand, on a runner that keeps its folder.
 #include <yaml-cpp/yaml.h>
 
+#include <map>
 #include <regex>
 #include <set>
 
@@ -26,7 +28,7 @@ class WorkflowFile : public testing::TestWithParam<const char*> {};
 TEST_P(WorkflowFile, AsksForWhatPirtHas) {
   const YAML::Node file = YAML::LoadFile(std::string(kSourceFolder) + "/cli/ci/" + GetParam());
   const std::string text = std::regex_replace(scalars(file), std::regex("\\\\\n"), " ");
-  const std::regex command(R"(build/pirt ([a-z]+)([^\n|&]*))");
+  const std::regex command(R"((?:build/pirt|"\$PIRT") ([a-z]+)([^\n|&]*))");
   int commands = 0;
   for (std::sregex_iterator at(text.begin(), text.end(), command), end; at != end; ++at) {
     ++commands;
@@ -90,7 +92,225 @@ TEST(Workflow, OfGithubHasTheKeysThatGithubReads) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Files, WorkflowFile, testing::Values("github.yml", "gitlab.yml"),
+/// A runner whose folder stays from job to job. `cmake --build FOLDER` there makes FOLDER/pirt,
+/// which compares and measures with the real one, on a simulated board; what `pirt sample` would
+/// take says file `speed` of the source folder, in seconds. Package managers and gh do nothing but
+/// write down what they were asked for.
+class Runner {
+ public:
+  Runner() {
+    tool("apt-get", "exit 0");
+    tool("dpkg-query", "printf installed");
+    tool("gh", "while [ $# -gt 1 ]; do [ $1 != --body-file ] || cp $2 '" + file("comment") +
+                   "'; shift; done");
+    tool("cmake",
+         "source=.\n"
+         "for word in \"$@\"; do [ \"$last\" != -S ] || source=$word; [ \"$last\" != -B ] || "
+         "into=$word; last=$word; done\n"
+         "if [ $1 = -S ]; then mkdir -p $into; cp $source/speed $into/; exit; fi\n"
+         "cp '" +
+             file("pirt") + "' $2/pirt");
+    const std::string real = quoted(kProgram);
+    write("pirt",
+          "#!/bin/sh\nspeed=$(cat \"$(dirname \"$0\")/speed\")\ncase $1 in\n"
+          "  sample) case \"$*\" in *--help*) echo --workload; exit;; esac\n"
+          "    echo '{\"pirt_sample\": 1, \"version\": \"1\", \"device\": \"CPU\", \"inputs\": "
+          "\"a\", \"right\": true, \"detail\": \"\", \"seconds\": {\"call\": '$speed'}}';;\n"
+          "  doctor) exit 1;;\n"
+          "  characterize) shift\n"
+          "    sed \"s/SPEED/$speed/\" '" +
+              file("board.in") +
+              "' > board.yaml\n"
+              "    exec " +
+              real +
+              " characterize --quick --platform ./board.yaml --filter "
+              "'^(sobel|fc8)$' $SEED \"$@\";;\n"
+              "  regress) shift\n"
+              "    case $1 in --*) exec " +
+              real +
+              " regress \"$@\" --platform fake --units cpu --filter "
+              "sobel;; *) exec " +
+              real +
+              " regress \"$@\" --mix none;; esac;;\n"
+              "esac\n");
+    std::filesystem::permissions(file("pirt"), std::filesystem::perms::owner_all);
+    // SPEED: milliseconds of sobel, so that 0.010 s of a sample and 0.010 ms differ in scale alone.
+    write("board.in",
+          "platform: board\nunits: {cpu: {backend: fake, slots: 1, active_w: 2}}\nworkloads:\n"
+          "  sobel: {cpu: [{on: cpu, ms: SPEED, name: execute}]}\n"
+          "  fc8: {cpu: [{on: cpu, ms: 5, name: execute}]}\n");
+    std::filesystem::create_directory(file("work"));
+  }
+
+  /// @param script  Run by bash as both services do, in the runner's folder.
+  Outcome job(const std::string& script, const std::string& environment = "") {
+    write("job.sh", script);
+    return run("cd " + quoted(file("work")) + "; " + environment + " PATH=" +
+               quoted(file("tools")) + ":$PATH bash -eo pipefail " + quoted(file("job.sh")));
+  }
+  /// A source folder in the runner's, of a pirt that takes so long.
+  void source(const std::string& folder, const std::string& speed) const {
+    std::filesystem::create_directories(file("work/" + folder + "/cli"));
+    std::filesystem::copy_file(std::string(kSourceFolder) + "/cli/packages.sh",
+                               file("work/" + folder + "/cli/packages.sh"),
+                               std::filesystem::copy_options::overwrite_existing);
+    write("work/" + folder + "/speed", speed);
+  }
+  void write(const std::string& name, const std::string& text) const {
+    static_cast<void>(scratch_.write(name, text));
+  }
+  [[nodiscard]] std::string file(const std::string& name) const { return scratch_.file(name); }
+
+ private:
+  void tool(const std::string& name, const std::string& body) const {
+    std::filesystem::create_directories(file("tools"));
+    write("tools/" + name, "#!/bin/sh\n" + body + "\n");
+    std::filesystem::permissions(file("tools/" + name), std::filesystem::perms::owner_all);
+  }
+  Scratch scratch_;
+};
+
+YAML::Node workflow(const std::string& name) {
+  return YAML::LoadFile(std::string(kSourceFolder) + "/cli/ci/" + name);
+}
+
+TEST(WorkflowSteps, OfGithubTellOneFromThreeOnARunnerThatKeepsItsFolder) {
+  std::string script;
+  for (const auto& step : workflow("github.yml")["jobs"]["regress"]["steps"]) {
+    if (step["run"]) script += "(" + step["run"].Scalar() + ")\n";
+  }
+  Runner runner;
+  const std::string summary = "GITHUB_STEP_SUMMARY=" + quoted(runner.file("summary"));
+  runner.source("baseline", "0.010");
+  runner.source("candidate", "0.012");
+  const auto slower = runner.job(script, summary);
+  EXPECT_EQ(slower.exit_code, 1) << slower.out << slower.err;
+  EXPECT_THAT(slurp(runner.file("summary")), testing::HasSubstr("REGRESSION"));
+  runner.source("candidate", "0.010");
+  const auto same = runner.job(script, summary);
+  EXPECT_EQ(same.exit_code, 0) << same.out << same.err;
+  runner.source("baseline", "broken");  // the baseline fails: not comparable
+  const auto untold = runner.job(script, summary);
+  EXPECT_EQ(untold.exit_code, 0) << untold.err;
+  EXPECT_THAT(untold.out, testing::HasSubstr("::warning::pirt could not tell"));
+}
+
+/// A job of gitlab.yml with what it extends.
+std::string gitlab_script(const std::string& name) {
+  const YAML::Node file = workflow("gitlab.yml");
+  const auto lines = [&file](std::string job, const char* key) {
+    for (;; job = file[job]["extends"].Scalar()) {
+      if (!file[job][key]) continue;
+      std::string text;
+      for (const auto& line : file[job][key]) text += line.Scalar() + "\n";
+      return text;
+    }
+  };
+  return lines(name, "before_script") + lines(name, "script");
+}
+
+TEST(WorkflowSteps, OfGitlabCompareTwoProgramsOnARunnerThatKeepsItsFolder) {
+  Runner runner;
+  runner.source(".", "0.010");
+  const std::string identity =
+      "GIT_CONFIG_GLOBAL=/dev/null GIT_AUTHOR_NAME=a GIT_AUTHOR_EMAIL=a@a GIT_COMMITTER_NAME=a "
+      "GIT_COMMITTER_EMAIL=a@a ";
+  const auto repository = runner.job(
+      "git init -q -b main .; echo build > .gitignore; git add -A; git commit -qm 1\n"
+      "git clone -q --bare . ../origin; git remote add origin ../origin\n"
+      "git checkout -qb branch",
+      identity);
+  ASSERT_EQ(repository.exit_code, 0) << repository.err;
+  const std::string target = identity + "CI_MERGE_REQUEST_TARGET_BRANCH_NAME=main";
+  const auto same = runner.job(gitlab_script("pirt-programs"), target);
+  EXPECT_EQ(same.exit_code, 0) << same.out << same.err;
+  runner.source(".", "0.012");
+  const auto slower = runner.job(gitlab_script("pirt-programs"), target);
+  EXPECT_EQ(slower.exit_code, 1) << slower.out << slower.err;
+  EXPECT_THAT(slurp(runner.file("work/pirt.md")), testing::HasSubstr("REGRESSION"));
+  // A runner that cleans what git does not know keeps what it knows of worktrees.
+  ASSERT_EQ(runner.job("git clean -qffdx", identity).exit_code, 0);
+  EXPECT_EQ(runner.job(gitlab_script("pirt-programs"), target).exit_code, 1);
+}
+
+TEST(WorkflowSteps, OfGitlabReplaceTheBaseByWhatPassedAndSayWhy) {
+  Runner runner;
+  const auto base_job = [&](const std::string& speed, const std::string& more = "") {
+    runner.source(".", speed);
+    return runner.job(gitlab_script("pirt-base"), more);
+  };
+  const auto bytes = [&](const char* name) {
+    return slurp(runner.file(std::string("work/") + name));
+  };
+  const auto first = base_job("2.0");
+  EXPECT_EQ(first.exit_code, 0) << first.out << first.err;
+  EXPECT_THAT(first.out, testing::AllOf(testing::HasSubstr("base replaced: there was none"),
+                                        testing::HasSubstr("anchor set")));
+  const std::string anchor = bytes("anchor.db");
+  const auto passed = base_job("2.08");
+  EXPECT_EQ(passed.exit_code, 0) << passed.out << passed.err;
+  EXPECT_THAT(passed.out, testing::HasSubstr("base replaced: this run passed"));
+  EXPECT_EQ(bytes("base.db"), bytes("new.db"));
+  EXPECT_EQ(bytes("anchor.db"), anchor) << "it holds still";
+  // 7.7 % more than the base, and 12 % more than the anchor.
+  const std::string before = bytes("base.db");
+  const auto slower = base_job("2.24");
+  EXPECT_EQ(slower.exit_code, 1) << slower.out << slower.err;
+  EXPECT_THAT(slower.out, testing::HasSubstr("base kept: exit code 1"));
+  EXPECT_EQ(bytes("base.db"), before);
+  const auto branch = runner.job(gitlab_script("pirt-profiles"));
+  EXPECT_EQ(branch.exit_code, 1) << branch.err;
+  EXPECT_EQ(bytes("base.db"), before);
+  const auto accepted = runner.job(gitlab_script("pirt-accept"), "SET_ANCHOR=1");
+  EXPECT_EQ(accepted.exit_code, 0) << accepted.err;
+  EXPECT_THAT(accepted.out, testing::HasSubstr("accepted by hand"));
+  EXPECT_EQ(bytes("anchor.db"), bytes("new.db"));
+  EXPECT_EQ(base_job("2.24").exit_code, 0);
+  // Other inputs: nothing can be compared any more.
+  const auto other = base_job("2.24", "SEED='--seed 8'");
+  EXPECT_EQ(other.exit_code, 3) << other.out << other.err;
+  EXPECT_THAT(other.out, testing::AllOf(testing::HasSubstr("the machine is another one"),
+                                        testing::HasSubstr("anchor set")));
+  EXPECT_EQ(base_job("2.24", "SEED='--seed 8'").exit_code, 0);
+}
+
+TEST(WorkflowSteps, OfTheActionCommentWithTheReportAndTellOneFromThree) {
+  const YAML::Node file = workflow("action.yml");
+  Runner runner;
+  const auto act = [&](const std::string& baseline, const std::string& candidate) {
+    const std::map<std::string, std::string> values = {
+        {"inputs.pirt", kProgram},   {"inputs.baseline-command", baseline},
+        {"inputs.reads", "lines"},   {"inputs.candidate-command", candidate},
+        {"inputs.max-time", "1min"}, {"inputs.comment", "7"},
+        {"inputs.token", "none"},    {"steps.compare.outputs.exit-code", "$(sed s/.*=// output)"}};
+    std::string script = "export GITHUB_OUTPUT=output GITHUB_STEP_SUMMARY=summary\n: > output\n";
+    for (const auto& step : file["runs"]["steps"]) {
+      script += "(";
+      for (const auto& variable : step["env"]) {
+        std::string name = variable.second.Scalar();
+        name = name.substr(4, name.size() - 7);  // ${{ NAME }}
+        EXPECT_TRUE(values.contains(name)) << name;
+        const std::string value = values.at(name);
+        script += "export " + variable.first.Scalar() + "=" +
+                  (value.starts_with("$(") ? value : quoted(value)) + "\n";
+      }
+      script += step["run"].Scalar() + ")\n";
+    }
+    return runner.job(script);
+  };
+  const auto slower = act("echo time 1 s", "echo time 1.2 s");
+  EXPECT_EQ(slower.exit_code, 1) << slower.out << slower.err;
+  EXPECT_THAT(slurp(runner.file("comment")),
+              testing::AllOf(testing::HasSubstr("REGRESSION"), testing::HasSubstr("| command")));
+  const auto same = act("echo time 1 s", "echo time 1 s");
+  EXPECT_EQ(same.exit_code, 0) << same.out << same.err;
+  const auto untold = act("false", "echo time 1 s");
+  EXPECT_EQ(untold.exit_code, 0) << untold.err;
+  EXPECT_THAT(untold.out, testing::HasSubstr("::warning::"));
+}
+
+INSTANTIATE_TEST_SUITE_P(Files, WorkflowFile,
+                         testing::Values("github.yml", "gitlab.yml", "action.yml"),
                          [](const auto& test) {
                            const std::string name = test.param;
                            return name.substr(0, name.find('.'));
