@@ -30,7 +30,7 @@ namespace {
 constexpr std::size_t kDiagnosticsKept = 16384;
 constexpr int kCannotStart = 127;
 constexpr int kLookEveryMs = 100;  // how often the stop flag and the limit are looked at
-constexpr int kReapEveryMs = 1;    // once both streams are closed the child is about to be gone
+constexpr int kReapEveryMs = 1;    // of a child about to be gone, on kernels that do not tell
 
 [[noreturn]] void throw_system(std::string_view doing, int error) {
   throw_environment(fmt::format("cannot {}: {}; check the limits on processes and open files",
@@ -122,6 +122,7 @@ class Child {
     ::setpgid(pid_, pid_);  // also here, so that a kill right away finds the group
     out_ = std::move(out.read);
     err_ = std::move(err.read);
+    end_ = FileDescriptor(static_cast<int>(::syscall(SYS_pidfd_open, pid_, 0)));
   }
   ~Child() {
     kill();
@@ -136,8 +137,9 @@ class Child {
 
   /// Waits for output or @p wait_ms and takes in what there is.
   void pump(int wait_ms, ProcessResult& result) {
-    std::array<pollfd, 2> streams = {pollfd{out_.get(), POLLIN, 0}, pollfd{err_.get(), POLLIN, 0}};
-    if (is_closed()) wait_ms = std::min(wait_ms, kReapEveryMs);
+    std::array<pollfd, 3> streams = {pollfd{out_.get(), POLLIN, 0}, pollfd{err_.get(), POLLIN, 0},
+                                     pollfd{end_.get(), POLLIN, 0}};
+    if (is_closed() && end_.get() < 0) wait_ms = std::min(wait_ms, kReapEveryMs);
     if (::poll(streams.data(), streams.size(), wait_ms) <= 0)
       return;  // EINTR: the caller looks again
     if (streams[0].revents != 0) take(out_, result.output);
@@ -178,6 +180,7 @@ class Child {
 
   pid_t pid_ = -1;
   FileDescriptor out_, err_;
+  FileDescriptor end_;  ///< Readable once it has ended; none on kernels before 5.3.
 };
 
 /// What is left in the pipes of a child that has ended. Something that it started may hold them

@@ -33,7 +33,7 @@ struct ProcessResult {
   std::string output;          ///< Standard output.
   std::string diagnostics;     ///< The end of standard error, at most 16 KiB.
   bool out_of_memory = false;  ///< The kernel killed it for memory.
-  Nanos wall{0};               ///< From its start until it was seen to have ended, to 1 ms.
+  Nanos wall{0};               ///< From its start until it was seen to have ended.
   Nanos cpu{0};                ///< Processor time, with that of children that it waited for.
   /// The most that it, or one of those, had resident. Absent where that is no more than this
   /// process had when it started it, which the kernel counts as well.

@@ -22,7 +22,7 @@ std::string phase_name(const PhaseRow& row) {
   return name;
 }
 
-double percent(double log_ratio) { return 100 * std::expm1(log_ratio); }
+double percent_of(double log_ratio) { return 100 * std::expm1(log_ratio); }
 
 /// What of the identity differs for this unit; facts without a unit are of all.
 std::string identity_complaint(const ProfileDiff& diff, const std::string& unit) {
@@ -179,11 +179,11 @@ void weigh(const Estimate& base, const Estimate& candidate, const Allowance& all
         : least > 0
             ? fmt::format(
                   "{:.1f} % more, where {:.1f} % count; up to {:.1f} % may be the machine's",
-                  percent(change), 100 * *row.needed, percent(allowed.slower))
+                  percent_of(change), 100 * *row.needed, percent_of(allowed.slower))
             : fmt::format(
                   "may be slower by up to {:.1f} %, where {:.1f} % matter; more processes "
                   "tell",
-                  percent(change + widths - allowed.faster), 50 * *row.needed);
+                  percent_of(change + widths - allowed.faster), 50 * *row.needed);
   }
 }
 
@@ -278,7 +278,7 @@ class Movements {
           "all rows moved together, by {:.1f} % or more, {:.1f} % with the unit's peaks: the "
           "machine's or the program's, it cannot be told; compare the two programs side by side: "
           "--baseline-program",
-          percent(shift), percent(peaks.slower));
+          percent_of(shift), percent_of(peaks.slower));
     }
     rows_.push_back(std::move(row));
   }

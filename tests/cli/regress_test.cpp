@@ -121,5 +121,96 @@ TEST_F(Regress, ComparesWhatTheMixCosts) {
   EXPECT_THAT(without.err, HasSubstr("--platform"));
 }
 
+/// Nine workloads of a simulated board, measured as somebody would.
+class RegressCases : public testing::Test {
+ protected:
+  static void SetUpTestSuite() { scratch_ = std::make_unique<Scratch>(); }
+  static void TearDownTestSuite() { scratch_.reset(); }
+
+  /// @param slower  Of all workloads.
+  /// @param script  More lines of the unit's script.
+  /// @param filter  Empty = all nine.
+  static void measure(const std::string& name, double slower, const std::string& script,
+                      const std::string& filter = "") {
+    std::string text =
+        "platform: cases\nunits:\n  cpu:\n    backend: fake\n    role: cpu\n    active_w: 1\n"
+        "    script:\n      stages:\n";
+    double ms = 1;
+    for (const char* workload :
+         {"gaussian_blur", "convolution", "sobel", "undistort", "feature_detect", "optical_flow",
+          "extract_features", "track_features", "background_model"}) {
+      text += "        " + std::string(workload) +
+              ": [{name: execute, ms: " + std::to_string(ms * slower) + "}]\n";
+      ms += 0.3;
+    }
+    const auto platform = scratch_->write(name + ".yaml", text + script);
+    const auto made = pirt({"characterize", "--quick", "--platform", platform, "--filter",
+                            filter.empty() ? kNine : filter, "--db", db(name)});
+    ASSERT_EQ(made.exit_code, 0) << made.err;
+  }
+  static std::string db(const std::string& name) { return scratch_->file(name + ".db"); }
+  static Outcome regress(const std::string& base, const std::string& candidate,
+                         std::vector<std::string> more = {}) {
+    more.insert(more.begin(), {"regress", db(base), db(candidate), "--mix", "none"});
+    return pirt(more);
+  }
+
+  static constexpr const char* kNine =
+      "^(gaussian_blur|convolution|sobel|undistort|feature_detect|optical_flow|extract_features|"
+      "track_features|background_model)$";
+  static constexpr const char* kFactors =
+      "      process_factors: [1, 1.004, 0.997, 1.002, 0.999, 1.003, 0.998]\n";
+  static inline std::unique_ptr<Scratch> scratch_;
+};
+
+TEST_F(RegressCases, LetNoRegressionThroughAndNoEqualOnesFail) {
+  measure("base", 1, kFactors);
+  measure("same", 1, kFactors);
+  EXPECT_EQ(regress("base", "same").exit_code, 0);
+  EXPECT_EQ(regress("base", "same", {"--strict"}).exit_code, 0)
+      << "set-ups that are not judged block nothing";
+  EXPECT_THAT(regress("base", "same").out, HasSubstr("of set-up)"));
+
+  measure("all9", 1.09, kFactors);
+  const auto all9 = regress("base", "all9");
+  EXPECT_EQ(all9.exit_code, 3);
+  EXPECT_THAT(all9.out, AllOf(HasSubstr("all rows moved together, by 9.0 % or more"),
+                              HasSubstr("Taken off as the machine's")));
+
+  std::string samples;
+  for (int i = 0; i < 200; ++i) {
+    samples += std::string(i == 0 ? "" : ", ") + (i % 25 == 10 ? "40" : "1.6");
+  }
+  measure("tail", 1, "      samples_ms: {sobel: [" + samples + "]}\n" + kFactors, "^sobel$");
+  const auto tail = regress("base", "tail", {"--filter", "^sobel$"});
+  EXPECT_EQ(tail.exit_code, 1);
+  EXPECT_THAT(tail.out, AllOf(HasSubstr("1 slower"), HasSubstr("call tail")));
+
+  for (const char* how : {"wrong_output", "crash"}) {
+    measure(how, 1, std::string("      ") + how + ": [sobel]\n" + kFactors,
+            "^(sobel|convolution)$");
+    const auto failed = regress("base", how, {"--filter", "^(sobel|convolution)$"});
+    EXPECT_EQ(failed.exit_code, 1) << how;
+    EXPECT_THAT(failed.out, HasSubstr("failed"));
+  }
+}
+
+TEST_F(RegressCases, SmallStepsAddUpAgainstAnAnchor) {
+  for (const auto& [name, slower] : {std::pair("creep0", 1.0), std::pair("creep2", 1.0455 * 1.0455),
+                                     std::pair("creep3", 1.0455 * 1.0455 * 1.0455)}) {
+    measure(name, 1,
+            "      samples_ms: {sobel: [" + std::to_string(1.6 * slower) + "]}\n" + kFactors,
+            "^sobel$");
+  }
+  EXPECT_EQ(regress("creep2", "creep3").exit_code, 0);
+  const auto anchored = regress("creep2", "creep3", {"--anchor", db("creep0")});
+  EXPECT_EQ(anchored.exit_code, 1);
+  EXPECT_THAT(anchored.out, HasSubstr("call, against the anchor"));
+  expect_refused(regress("creep2", "creep3", {"--anchor", db("creep3")}), {"same file"});
+  expect_refused(pirt({"regress", "--baseline-program", "a", "--candidate-program", "b", "--anchor",
+                       db("creep0")}),
+                 {"--anchor", "profiles"});
+}
+
 }  // namespace
 }  // namespace pirt::test

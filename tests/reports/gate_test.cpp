@@ -132,6 +132,23 @@ TEST(TableGate, IsSlowerBeyondTenPercentWithIntervalsApartAndElseUndecided) {
   EXPECT_THAT(wide.reason, AllOf(HasSubstr("up to 12"), HasSubstr("5.0 % matter")));
 }
 
+// Half of the processes 38 % slower: the median may stay, and is not the same.
+TEST(TableGate, HalfOfTheProcessesSlowerIsUndecided) {
+  Machine exact(0, 0, 1);
+  const auto run = [&](double half) {
+    PhaseRow row = exact.row("sobel", 10, 37, 20);
+    for (std::size_t i = 0; i < row.values.size(); ++i) {
+      if (row.value_processes[i] % 2 == 1) row.values[i] = scaled(row.values[i], half);
+    }
+    summarize_row(row);
+    return row;
+  };
+  const GateRow row = judged(run(1), run(1.38));
+  EXPECT_EQ(row.verdict, GateVerdict::kUndecided);
+  EXPECT_NEAR(*row.ratio, 1, 1e-9);
+  EXPECT_THAT(row.reason, HasSubstr("up to 38.0 %"));
+}
+
 TEST(TableGate, UndecidedRowsPassUnlessStrict) {
   const auto result =
       judge_both(profile_of({with_interval(10, 0.08)}), profile_of({with_interval(10, 0.08)}));
@@ -477,7 +494,12 @@ TEST(TableGate, StepsTooSmallToCountAddUpAgainstAnAnchor) {
   add_anchor(judge_both(run(10), run(11.41)), last);
   EXPECT_EQ(exit_code_of(last), 1);
   EXPECT_TRUE(last.rows.back().against_anchor);
-  GateReport report{.base = "b", .candidate = "c", .anchor = "old.db", .result = last, .rule = {}};
+  GateReport report{.base = "b",
+                    .candidate = "c",
+                    .anchor = "old.db",
+                    .result = last,
+                    .decisions = {},
+                    .rule = {}};
   EXPECT_THAT(
       render(gate_document(report, false), Format::kText),
       AllOf(HasSubstr("against the anchor old.db"), HasSubstr("execute, against the anchor")));

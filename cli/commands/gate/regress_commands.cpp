@@ -1,6 +1,8 @@
 // pirt regress with two commands: is what the second one measures slower, here and now?
 #include <fmt/core.h>
 
+#include <cstdio>
+
 #include "characterize/duet/commands.h"
 #include "cli/commands/gate/regress.h"
 #include "cli/long_run.h"
@@ -32,7 +34,7 @@ void say_how_long(const DuetComparison& comparison, const DuetStep& step,
   const DuetCellState& state = comparison.cells().front();
   if (step.kind != DuetStep::Kind::kBlock || state.blocks > 0) return;
   const double run_s = (state.checks[0]->wall_s + state.checks[1]->wall_s) / 2;
-  warn(fmt::format("{}; at most --max-time {}", duration_text(run_s), max_time));
+  fmt::print(stderr, "{}; at most --max-time {}\n", duration_text(run_s), max_time);
 }
 
 }  // namespace
