@@ -67,25 +67,38 @@ std::string break_between(const RunInfo& a, const RunInfo& b, const std::string&
   for (const auto& each : compare_identity(a, b)) {
     if (each.unit.empty() || each.unit == unit) parts.push_back(describe(each));
   }
-  for (const auto& each : compare_program(a, b)) {
-    if (each.field == "platform_hash") parts.push_back(each.why);
-  }
   return join(parts, "; ");
 }
 
+/// What besides the program may be why a row changed.
+std::string platform_changed(const RunInfo& a, const RunInfo& b) {
+  for (const auto& each : compare_program(a, b)) {
+    if (each.field == "platform_hash") return each.why;
+  }
+  return "";
+}
+
 /// Changes of the points from @p begin to @p end, which may be compared.
-void add_changes(std::size_t begin, std::size_t end, HistorySeries& series) {
+void add_changes(const History& history, std::size_t begin, std::size_t end,
+                 HistorySeries& series) {
+  const auto why = [&](std::size_t before, std::size_t after) {
+    return platform_changed(history.runs[series.points[before].run].info,
+                            history.runs[series.points[after].run].info);
+  };
   std::vector<double> values;
   for (std::size_t i = begin; i < end; ++i) values.push_back(std::log(series.points[i].value));
   const auto found = change_points(values, kLeastHistoryNoise);
   for (const ChangePoint& each : found) {
+    const std::size_t at = begin + each.at;
     series.changes.push_back(
-        {begin + each.at - 1, begin + each.at, std::exp(each.after - each.before),
-         each.sure ? HistoryChange::Kind::kStep : HistoryChange::Kind::kSuspected});
+        {at - 1, at, std::exp(each.after - each.before),
+         each.sure ? HistoryChange::Kind::kStep : HistoryChange::Kind::kSuspected,
+         why(at - 1, at)});
   }
   const double creep = creep_of(values, found, kLeastHistoryNoise);
   if (creep != 0) {
-    series.changes.push_back({begin, end - 1, std::exp(creep), HistoryChange::Kind::kCreep});
+    series.changes.push_back(
+        {begin, end - 1, std::exp(creep), HistoryChange::Kind::kCreep, why(begin, end - 1)});
   }
 }
 
@@ -171,7 +184,7 @@ void find_changes(History& history) {
                             history.runs[series.points[i].run].info, series.unit);
         if (why.empty()) continue;
       }
-      add_changes(begin, i, series);
+      add_changes(history, begin, i, series);
       begin = i;
       if (i == series.points.size()) break;
       series.changes.push_back({i - 1, i, series.points[i].value / series.points[i - 1].value,

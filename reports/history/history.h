@@ -1,8 +1,8 @@
 // The rows of many runs over time: at which run each became slower or faster, and by how much.
 //
 // A series is one row (platform, workload, unit, phase) over the runs that may be compared; where
-// another machine, driver or text of the platform begins, so does another stretch, and a change
-// there is nobody's.
+// another machine or driver begins, so does another stretch, and a change there is nobody's. Where
+// the platform's text was edited, a change says so.
 #pragma once
 
 #include <cstddef>
@@ -38,9 +38,9 @@ struct HistoryChange {
     kStep,       ///< For sure.
     kSuspected,  ///< Since the newest few points, not for sure.
     kCreep,      ///< From the stretch's first quarter to its last, without a step that explains it.
-    kBreak,      ///< Another machine, driver or platform begins; no change of the program.
+    kBreak,      ///< Another machine or driver begins; no change of the program.
   } kind = Kind::kStep;
-  std::string why = {};  ///< Of a break.
+  std::string why = {};  ///< Of a break; of others what may be behind it besides the program.
 };
 [[nodiscard]] std::string_view to_string(HistoryChange::Kind kind);
 

@@ -1,8 +1,8 @@
 // What a history says, for people and programs. Declared in history.h.
 #include <fmt/core.h>
 
-#include <algorithm>
 #include <map>
+#include <tuple>
 
 #include "reports/document/figures.h"
 #include "reports/history/history.h"
@@ -39,6 +39,7 @@ Table changes_table(const History& history) {
                           {"why", Align::kLeft}}};
   for (const HistorySeries& series : history.series) {
     for (const HistoryChange& change : series.changes) {
+      if (change.kind == HistoryChange::Kind::kBreak) continue;
       table.rows.push_back(
           {series.workload, series.unit, series.phase, kind_text(change),
            fmt::format("{:+.1f}", 100 * (change.ratio - 1)),
@@ -51,10 +52,25 @@ Table changes_table(const History& history) {
   table.footnotes = {
       fmt::format("change: of the levels on either side; from, to: the figures of the two runs. "
                   "step: {} runs or more on either side. suspected since: fewer, which may be a "
-                  "spike. creep: from the first quarter to the last, no step is half of it. break: "
-                  "another machine, driver or platform, of which nothing is said.",
+                  "spike. creep: from the first quarter to the last, no step is half of it.",
                   kFewestOfLevel)};
   return table;
+}
+
+/// Each once, not for each row.
+Paragraph breaks_of(const History& history) {
+  std::map<std::tuple<std::size_t, std::string, std::string>, std::string> lines;
+  for (const HistorySeries& series : history.series) {
+    for (const HistoryChange& change : series.changes) {
+      if (change.kind != HistoryChange::Kind::kBreak) continue;
+      lines[{series.points[change.after].run, series.unit, change.why}] =
+          fmt::format("Break of {} at {}: {}; nothing is said across it.", series.unit,
+                      run_text(history, series, change.after), change.why);
+    }
+  }
+  Paragraph paragraph;
+  for (const auto& [key, line] : lines) paragraph.lines.push_back(line);
+  return paragraph;
 }
 
 /// One of all phases of a workload on a unit over the runs.
@@ -98,7 +114,9 @@ Document history_document(const History& history, bool all) {
   Document document{.title = "pirt history", .parts = {}};
   std::map<HistoryChange::Kind, int> counts;
   for (const HistorySeries& series : history.series) {
-    for (const HistoryChange& change : series.changes) ++counts[change.kind];
+    for (const HistoryChange& change : series.changes) {
+      if (change.kind != HistoryChange::Kind::kBreak) ++counts[change.kind];
+    }
   }
   std::string found;
   for (const auto& [kind, count] : counts) {
@@ -109,6 +127,8 @@ Document history_document(const History& history, bool all) {
                    history.runs.size(), history.platform, history.runs.front().info.started,
                    history.runs.back().info.started, found.empty() ? "no change" : found)}});
   if (!found.empty()) document.parts.emplace_back(changes_table(history));
+  Paragraph breaks = breaks_of(history);
+  if (!breaks.lines.empty()) document.parts.emplace_back(std::move(breaks));
   if (!all) return document;
   std::map<std::tuple<std::string, std::string, bool>, std::vector<const HistorySeries*>> charts;
   for (const HistorySeries& series : history.series) {

@@ -111,6 +111,22 @@ TEST_F(RegressPrograms, GoesOnAfterAnInterruption) {
   expect_refused(compare(base, base), {"ledger", "another comparison", "candidate"});
 }
 
+// An edited platform file is another comparison: 1.6 and 16 ms stood in one ledger.
+TEST_F(RegressPrograms, ALedgerIsOfThePlatformsTextAndOfLibrariesBesideTheProgram) {
+  const auto base = program("base", answers("0.010"));
+  const auto on = [&](const std::string& text) {
+    return compare(base, base,
+                   {"--platform", scratch_.write("board.yaml", text), "--units", "cpu"});
+  };
+  const std::string board = "platform: board\nunits: {cpu: {backend: fake}}\n";
+  ASSERT_EQ(on(board).exit_code, 0);
+  expect_refused(on("platform: board\nunits: {cpu: {backend: fake, slots: 2}}\n"),
+                 {"another comparison", "platform_text"});
+  EXPECT_EQ(on(board).exit_code, 0);
+  scratch_.write("library.so", "1");
+  expect_refused(on(board), {"another comparison", "baseline", "library.so"});
+}
+
 TEST_F(RegressPrograms, TimeThatIsUpIsInconclusive) {
   const auto base = program("base", answers("0.010"));
   const auto outcome = compare(base, base, {"--max-time", "1ms"});

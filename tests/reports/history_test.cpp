@@ -73,7 +73,7 @@ TEST(History, ThreeMergesOfFourAndAHalfPercentAreACreep) {
   EXPECT_NEAR(history.series[0].changes[0].ratio, 1.141, 1e-3);
 }
 
-TEST(History, AnotherMachineOrPlatformIsABreakAndAnotherProgramIsNone) {
+TEST(History, AnotherMachineIsABreakAndAnEditedPlatformIsSaid) {
   History history = history_of(step(10, 10, 1.1));
   for (std::size_t i = 10; i < 20; ++i) history.runs[i].info.environment["git_commit"] = "b";
   find_changes(history);
@@ -83,10 +83,13 @@ TEST(History, AnotherMachineOrPlatformIsABreakAndAnotherProgramIsNone) {
   ASSERT_THAT(history.series[0].changes, SizeIs(1));
   EXPECT_EQ(history.series[0].changes[0].kind, HistoryChange::Kind::kBreak);
   EXPECT_THAT(history.series[0].changes[0].why, HasSubstr("cpu_model: one against two"));
+  EXPECT_THAT(render(history_document(history, false), Format::kText),
+              AllOf(HasSubstr("Break of cpu at"), HasSubstr("no change")));
   for (auto& run : history.runs) run.info.environment["cpu_model"] = "one";
   for (std::size_t i = 10; i < 20; ++i) history.runs[i].info.environment["platform_hash"] = "2";
   find_changes(history);
-  EXPECT_EQ(history.series[0].changes.at(0).kind, HistoryChange::Kind::kBreak);
+  EXPECT_EQ(history.series[0].changes.at(0).kind, HistoryChange::Kind::kStep);
+  EXPECT_EQ(history.series[0].changes.at(0).why, "its platform was changed");
 }
 
 TEST(History, NothingChangedIsSaid) {

@@ -220,8 +220,8 @@ void add_regress(CLI::App& app, Action& action) {
   keep_apart(command, profiles);
   command.footer(
       "Exit code 0: nothing became slower; 1: something did, or failed; 2: bad input; 3: "
-      "inconclusive, or not "
-      "comparable.\nExample: pirt regress base.db new.db --markdown report.md --junit r.xml\n"
+      "inconclusive, not comparable, or with --strict undecided.\nExample: pirt regress base.db "
+      "new.db --markdown report.md --junit r.xml\n"
       "Example: pirt regress --baseline-command 'old/bench' --candidate-command 'new/bench' "
       "--reads "
       "gbench");
