@@ -34,6 +34,7 @@ void add(const PhaseRow& other, std::int32_t offset, PhaseRow& row) {
   row.values.insert(row.values.end(), other.values.begin(), other.values.end());
   for (const auto process : other.value_processes) row.value_processes.push_back(offset + process);
   row.samples = std::ssize(row.values);
+  row.processes += other.processes;
   row.median = median(row.values, row.value_processes);
   if (!row.ci_low || !other.ci_low) return;
   row.ci_low = std::min(*row.ci_low, *other.ci_low);

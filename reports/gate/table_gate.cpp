@@ -112,7 +112,12 @@ struct Estimate {
   double low = 0, middle = 0, high = 0;
 };
 
+/// Processes that an interval is one over: that of a single one is over its samples, and says
+/// nothing of another's.
+constexpr std::int64_t kFewestOfInterval = 3;
+
 std::optional<Estimate> estimate_of(const PhaseRow& row) {
+  if (row.processes < kFewestOfInterval) return std::nullopt;
   if (!row.median || !row.ci_low || row.ci_low->count() <= 0) return std::nullopt;
   return Estimate{to_s(*row.ci_low), to_s(*row.median), to_s(*row.ci_high)};
 }
@@ -143,9 +148,6 @@ std::string doubt_of(const ProfileDiff& diff, const PhasePair& pair) {
       const std::string word = row == nullptr ? "" : barred_by(row->doubts);
       if (!word.empty()) return fmt::format("the {}'s {} is {}", whose, phase_name(*row), word);
     }
-  }
-  if (pair.b->failed_processes() > base.failed_processes()) {
-    return "a process of the candidate failed; measure again";
   }
   return "";
 }
@@ -333,13 +335,20 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const Movements&
   const auto of_base = estimate_of(base);
   const auto of_candidate = estimate_of(candidate);
   if (!of_base || !of_candidate) {
-    row.verdict = GateVerdict::kNotJudged;
-    row.reason = base.median == Nanos(0) ? "shorter than the clock can tell"
-                                         : "too few processes for an interval; 3 are needed";
+    // Of calls something is known, and not enough; a set-up has as few processes as it was given.
+    const bool too_short = base.median == Nanos(0);
+    row.verdict = row.setup || too_short ? GateVerdict::kNotJudged : GateVerdict::kUndecided;
+    row.reason = too_short ? "shorter than the clock can tell"
+                           : "too few processes for an interval; 3 are needed";
     return row;
   }
   row.needed = change_needed(diff, base, thresholds);
   weigh(*of_base, *of_candidate, movements.allowance_for(base), doubt_of(diff, pair), row);
+  if (row.verdict != GateVerdict::kSlower &&
+      candidate.failed_processes() > base.failed_processes()) {
+    row.verdict = GateVerdict::kUndecided;
+    row.reason = "a process of the candidate failed; measure again";
+  }
   return row;
 }
 

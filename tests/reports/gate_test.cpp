@@ -22,8 +22,9 @@ using testing::Not;
 void summarize_row(PhaseRow& row) {
   const auto summary = summarize(row.values, row.value_processes);
   row.median = summary.median;
+  row.processes = summary.processes;
   row.ci_low = row.ci_high = std::nullopt;
-  if (!summary.interval || summary.processes < 3) return;
+  if (!summary.interval) return;
   row.ci_low = summary.interval->low;
   row.ci_high = summary.interval->high;
 }
@@ -244,6 +245,9 @@ TEST(TableGate, FailsForWhatTheCandidateDidNotGetThrough) {
   EXPECT_EQ(code(with({"error: crashed"}, {})), 3) << "one process";
   const Profile once = with({}, {"failed_processes: 1"});
   EXPECT_EQ(judge_both(base, once).rows[0].verdict, GateVerdict::kUndecided);
+  Profile slower_once = profile_of({machine.row("sobel", 20)});
+  slower_once.phases[0].notes = once.phases[0].notes;
+  EXPECT_EQ(judge_both(base, slower_once).rows[0].verdict, GateVerdict::kSlower);
   EXPECT_EQ(judge_both(once, once).rows[0].verdict, GateVerdict::kSame);
   const Profile wrong = with({"wrong_output"}, {});
   EXPECT_EQ(judge_both(wrong, wrong).rows[0].verdict, GateVerdict::kUndecided);
@@ -286,6 +290,13 @@ TEST(TableGate, DoesNotJudgeWhatHasNoIntervalAndBlocksNothing) {
   EXPECT_EQ(few.rows[0].phase, "prepare cold");
   EXPECT_TRUE(few.rows[0].setup);
   EXPECT_EQ(exit_code_of(few, true), 0);
+  // A run that was cut short is no pass of its calls.
+  const Profile one = profile_of({machine.row("sobel", 10, 1, 100)});
+  EXPECT_EQ(judge_both(one, one).rows[0].verdict, GateVerdict::kUndecided)
+      << "its samples' interval";
+  const Profile two = profile_of({machine.row("sobel", 10, 2)});
+  EXPECT_EQ(judge_both(two, two).rows[0].verdict, GateVerdict::kUndecided);
+  EXPECT_EQ(exit_code_of(judge_both(two, two), true), 3);
   EXPECT_EQ(judge_both(setup(10, 5), setup(13, 5)).rows[0].verdict, GateVerdict::kSlower);
   EXPECT_EQ(judge_both(setup(10, 5), setup(11.5, 5)).rows[0].verdict, GateVerdict::kUndecided);
   EXPECT_EQ(judge_both(setup(0.1, 5), setup(0.3, 5)).rows[0].verdict, GateVerdict::kSame)
