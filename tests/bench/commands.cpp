@@ -5,7 +5,7 @@
 // Usage:
 //   commands run PIRT LEDGER [DECISIONS]   that many decisions of each program without a change
 //   (60),
-//                                          a third of it with each slowdown; LEDGER keeps them, and
+//                                          a fifth of it with each slowdown; LEDGER keeps them, and
 //                                          the same command goes on; prints the table
 //   commands program NAME [WORK]           is one of the programs, with WORK times its work
 #include <fmt/core.h>
@@ -123,9 +123,9 @@ struct Trial {
   double share = 1;  ///< Of the decisions.
 };
 const std::array<Trial, 4> kTrials = {{{"same", 1, false, 1},
-                                       {"+5 %", 1.05, false, 1.0 / 3},
-                                       {"same, busy", 1, true, 1.0 / 3},
-                                       {"+10 %, busy", 1.10, true, 1.0 / 3}}};
+                                       {"+5 %", 1.05, false, 0.2},
+                                       {"+10 %, busy", 1.10, true, 0.2},
+                                       {"+5 %, busy", 1.05, true, 0.1}}};
 
 /// Keeps a core busy for as long as it lives.
 class BusyLoop {

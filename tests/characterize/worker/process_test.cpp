@@ -9,6 +9,7 @@
 #include <chrono>
 #include <thread>
 
+#include "characterize/machine/system_files.h"
 #include "tests/characterize/support.h"
 
 namespace pirt {
@@ -115,10 +116,14 @@ TEST(Process, TellsWhatItTook) {
   EXPECT_LT(slept.cpu, slept.wall);
   const auto busy = run_process(shell("i=0; while [ $i -lt 20000 ]; do i=$((i + 1)); done"));
   EXPECT_GT(busy.cpu, Nanos(0));
-  // A child of a child counts once it was waited for. 300 MB are more than this process has.
-  const auto large = run_process(shell("head -c 300000000 /dev/zero | tail -c 299999999 | wc -c"));
+  // A child of a child counts once it was waited for. So much is more than this process has.
+  const std::int64_t bytes =
+      2 * 1024 * number_of("/proc/self/status", "VmRSS", ':').value() + 100'000'000;
+  const auto large =
+      run_process(shell("head -c " + std::to_string(bytes) + " /dev/zero | tail -c " +
+                        std::to_string(bytes - 1) + " | wc -c"));
   ASSERT_TRUE(large.peak_bytes.has_value()) << large.diagnostics;
-  EXPECT_GT(*large.peak_bytes, 250'000'000);
+  EXPECT_GT(*large.peak_bytes, bytes * 9 / 10);
   EXPECT_FALSE(run_process(shell("true")).peak_bytes) << "less than this process has itself";
 }
 
