@@ -81,7 +81,7 @@ std::int64_t fact_of(const Profile& profile, const std::string& unit, std::strin
 Nanos usual_worst_of(const PhaseRow& row) { return worst_of(row); }
 
 Distribution time_of(const PhaseRow& row, Draw draw) {
-  return drawn(*row.median, *row.p95, row.values, draw);
+  return drawn(*row.median, row.p95.value_or(*row.median), row.values, draw);
 }
 
 std::optional<CallConditions> call_conditions(const Profile& profile, const std::string& workload,
@@ -122,10 +122,11 @@ UnitConditions unit_conditions(const Profile& profile, const UnitModel& unit, Dr
   for (const UnitTimeRow& row : profile.unit_times) {
     if (row.unit != unit.name || !is_used(row) || !row.median) continue;
     if (row.phase == UnitPhase::kHandover) {
-      found.handovers.push_back({row.sleep, drawn(*row.median, *row.p95, row.values, draw)});
+      found.handovers.push_back(
+          {row.sleep, drawn(*row.median, row.p95.value_or(*row.median), row.values, draw)});
       found.longest_handover = std::max(found.longest_handover, worst_of(row));
     } else if (row.phase == UnitPhase::kLeave) {
-      found.leave = drawn(*row.median, *row.p95, row.values, draw);
+      found.leave = drawn(*row.median, row.p95.value_or(*row.median), row.values, draw);
     }
   }
   found.forgotten = forgotten_by(profile, unit.name);
