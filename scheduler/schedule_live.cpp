@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "scheduler/runtime/trace_thread.h"
 #include "scheduler/schedule.h"
-#include "scheduler/trace/trace_thread.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
 

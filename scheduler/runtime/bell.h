@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "scheduler/runtime/futex.h"
+#include "scheduler/runtime/threads.h"
 
 namespace pirt::runtime {
 
@@ -12,16 +12,19 @@ namespace pirt::runtime {
 class Bell {
  public:
   /// Sleeps until @p there is something.
-  /// @param there  bool(): reads atomics, in the one order of all (seq_cst); whoever makes it true
-  ///               writes them so, and rings afterwards. Then either this sees it before it sleeps,
-  ///               or who rings sees that somebody sleeps.
+  /// @param there  bool(): reads atomics, which whoever makes it true writes before he rings.
+  ///               add(asleep) -> load(those), seq_cst; pairs with store(those) -> load(asleep) of
+  ///               ring: either this sees it, or who rings sees that somebody sleeps.
+  /// @param at     When it wakes all the same, by LiveClock.
   template <typename There>
-  void sleep_until(const There& there) {
+  void sleep_until(const There& there, Nanos at = Nanos::max()) {
     asleep_.fetch_add(1);
     while (true) {
       const std::uint32_t rung = rung_.load();
       if (there()) break;
-      futex_wait(rung_, rung);
+      const Nanos most = at == Nanos::max() ? at : at - LiveClock().now();
+      if (most <= Nanos::zero()) break;
+      futex_wait(rung_, rung, most);
     }
     asleep_.fetch_sub(1);
   }
@@ -34,7 +37,7 @@ class Bell {
 
  private:
   FutexWord rung_ = 0;
-  std::atomic<std::uint32_t> asleep_ = 0;  ///< Or about to be.
+  Atomic<std::uint32_t> asleep_ = 0;  ///< Or about to be.
 };
 
 }  // namespace pirt::runtime

@@ -1,5 +1,7 @@
 #include "scheduler/runtime/call.h"
 
+#include <utility>
+
 namespace pirt {
 
 Nanos CallTimes::of(Phase phase) const {
@@ -29,6 +31,10 @@ StateValue::StateValue(const StateValue& other)
 void StateValue::commit(std::uint64_t version) {
   current_ = 1 - current_;
   version_ = version;
+}
+
+void Call::commit(const CallEnd& end) {
+  if (const auto its = std::exchange(state, nullptr)) its->commit(end.version);
 }
 
 void StateValue::restart() {

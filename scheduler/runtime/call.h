@@ -1,7 +1,6 @@
 // One call of a workload, on its way to a unit and back: what it computes on, and how it ended.
 #pragma once
 
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -11,6 +10,7 @@
 #include <vector>
 
 #include "scheduler/mix/task.h"
+#include "scheduler/runtime/threads.h"
 #include "workloads/base/time.h"
 #include "workloads/model/phase.h"
 #include "workloads/model/tensor.h"
@@ -44,6 +44,8 @@ class StateValue {
   std::uint64_t version_ = 0;
 };
 
+struct CallEnd;
+
 /// One call of a workload. Whoever makes it keeps it, and its tensors and its state to it, until it
 /// is done; one that is given up is its unit's for good.
 struct Call {
@@ -53,11 +55,20 @@ struct Call {
   std::shared_ptr<StateValue> state = {};        ///< Null if the workload has none.
   Outcome intended = Outcome::kCompleted;        ///< Otherwise it runs, and commits nothing.
   std::uint64_t token = 0;                       ///< The caller's.
-  std::optional<Nanos> wanted_until = {};  ///< By MachineClock; later, nobody takes its result.
+  std::optional<Nanos> wanted_until = {};        ///< By LiveClock; later, nobody takes its result.
+
+  /// Of one that completed: what it wrote is the state from now on, if it has one.
+  void commit(const CallEnd& end);
+  /// Nothing of others is held by it any more.
+  void let_go() {
+    inputs.clear();
+    state = nullptr;
+    outputs = nullptr;
+  }
 
   // The unit's, while it has the call.
-  std::atomic<bool> unwanted = false;  ///< It was withdrawn.
-  Call* neighbour = nullptr;           ///< In the list that it waits in.
+  runtime::Atomic<bool> unwanted = false;  ///< It was withdrawn.
+  Call* neighbour = nullptr;               ///< In the list that it waits in.
 };
 
 /// What the phases of a call took, as a profile has them. Making a kernel and moving a state
@@ -74,7 +85,7 @@ struct CallTimes {
 struct CallEnd {
   Outcome outcome = Outcome::kCompleted;
   Nanos busy{0};
-  Nanos at{0};                          ///< By MachineClock.
+  Nanos at{0};                          ///< By LiveClock.
   std::optional<Nanos> preparing = {};  ///< Part of `busy`; absent = the kernel was there.
   std::uint64_t version = 0;            ///< Of the state that it wrote, if it completed.
   /// It was given back since its unit was out of reach, or since nobody wanted it there any more:

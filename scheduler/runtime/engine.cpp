@@ -59,6 +59,8 @@ Runtime::Engine::~Engine() {
   room_.wait_until_empty();
   // Calls that were cancelled as they ran still do, unless they are lost.
   room_.wait_until([this] { return !calls_run_; });
+  watcher_.request_stop();
+  wake_watcher();
   watcher_ = {};
   // Who is about to look once more finds it taken.
   turn_.take().keep_for_good();
@@ -185,8 +187,8 @@ Runtime::Engine::Prospect Runtime::Engine::prospect(const Submitted& task) {
 }
 
 /// Whether what was posted may wait for the turn that the end of some call will bring: nothing
-/// could start now. Who has the turn publishes how it ends before it looks at what was posted
-/// meanwhile: either it finds the task, or this finds how it ended.
+/// could start now. Either who has the turn finds the task, or this finds how the turn ended
+/// (turns_).
 /// @param turns  As it was before @p prospect was.
 bool Runtime::Engine::may_wait(Prospect prospect, std::uint64_t turns) {
   const std::uint64_t now = turns_.load();
@@ -256,7 +258,7 @@ std::vector<Tensor> Runtime::Engine::state(std::string_view name) {
     throw_bad_input("no workload of this runtime has a state '" + std::string(name) + "'");
   }
   auto turn = turn_.take();
-  auto copy = copy_tensors(states_[known->second]->committed());
+  auto copy = copy_tensors(live_units_.state(known->second).committed());
   turn.give_back();
   work(Thread::kTheirs);
   return copy;
@@ -276,7 +278,8 @@ void Runtime::Engine::write_trace() {
   writer_->finish(tally);
 }
 
-void Runtime::Engine::post(std::atomic<Submitted*>& list, Submitted& task, Submitted::Event event) {
+void Runtime::Engine::post(runtime::Atomic<Submitted*>& list, Submitted& task,
+                           Submitted::Event event) {
   task.event = event;
   task.next = list.load(std::memory_order_relaxed);
   while (!list.compare_exchange_weak(task.next, &task)) continue;
@@ -329,7 +332,7 @@ void Runtime::Engine::take_turn() {
 }
 
 /// In the order in which they were posted.
-void Runtime::Engine::take_all(std::atomic<Submitted*>& list) {
+void Runtime::Engine::take_all(runtime::Atomic<Submitted*>& list) {
   if (list.load(std::memory_order_relaxed) == nullptr) return;
   Submitted* oldest = nullptr;
   for (Submitted* newest = list.exchange(nullptr); newest != nullptr;) {

@@ -2,8 +2,6 @@
 // to.
 #pragma once
 
-#include <atomic>
-#include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -13,22 +11,22 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/policies/setup.h"
+#include "scheduler/runtime/bell.h"
 #include "scheduler/runtime/latch.h"
 #include "scheduler/runtime/live_units.h"
-#include "scheduler/runtime/output_pool.h"
 #include "scheduler/runtime/room.h"
 #include "scheduler/runtime/runtime.h"
 #include "scheduler/runtime/samples.h"
 #include "scheduler/runtime/slab.h"
+#include "scheduler/runtime/threads.h"
+#include "scheduler/runtime/trace_thread.h"
 #include "scheduler/runtime/turn.h"
 #include "scheduler/services/recall.h"
-#include "scheduler/trace/trace_thread.h"
 
 namespace pirt {
 
@@ -39,7 +37,7 @@ struct runtime::Submitted {
   static constexpr int kLive = -1;
 
   Slab<Submitted>::Place place;
-  std::atomic<std::uint32_t> uses = 0;  ///< TaskRefs; one is the engine's until it has been told.
+  runtime::Atomic<std::uint32_t> uses = 0;  ///< TaskRefs; the engine has one until it was told.
 
   // Before it is submitted, and read only from then on.
   std::uint64_t engine = 0;            ///< A number of its own: addresses come again.
@@ -64,11 +62,11 @@ struct runtime::Submitted {
   UnitId unit = 0;
   Nanos dispatched_at{0};
   bool taken_in = false;
-  bool known = false;                ///< To the dispatcher.
-  bool running = false;              ///< On its unit, whatever has become of it.
-  bool suspended = false;            ///< There, between two slices.
-  Submitted* told_next = nullptr;    ///< Of those that are told together.
-  std::atomic<int> decided = kLive;  ///< A TaskEnd, told soon; read by any who knows the task.
+  bool known = false;                    ///< To the dispatcher.
+  bool running = false;                  ///< On its unit, whatever has become of it.
+  bool suspended = false;                ///< There, between two slices.
+  Submitted* told_next = nullptr;        ///< Of those that are told together.
+  runtime::Atomic<int> decided = kLive;  ///< A TaskEnd, told soon; store release -> prospect().
 
   // Written before `end`, read after it, as are the outputs of `call`.
   std::string unit_name;
@@ -78,8 +76,8 @@ struct runtime::Submitted {
   std::optional<Nanos> started_at;
   Nanos ended_at{0};
 
-  std::atomic<int> end = kLive;  ///< A TaskEnd; before the callback.
-  runtime::Latch told;           ///< After it.
+  runtime::Atomic<int> end = kLive;  ///< As decided, before the callback; -> TaskFuture::end().
+  runtime::Latch told;               ///< After it.
 
   [[nodiscard]] bool is_decided() const { return decided.load(std::memory_order_relaxed) != kLive; }
   /// As new.
@@ -136,7 +134,7 @@ class TaskChain {
 /// Who has something to say to the dispatcher leaves it in a list and takes the turn if it is free;
 /// who has the turn works through the list, what comes meanwhile too. So nobody ever waits for it.
 /// What has ended is told when the turn is over, and callbacks on threads of the runtime's alone.
-class Runtime::Engine {
+class Runtime::Engine final : private LiveDriver {
  public:
   explicit Engine(RuntimeOptions options);
   ~Engine();
@@ -166,7 +164,7 @@ class Runtime::Engine {
     /// Units that gave back too many calls of it, or where nobody has it: of who has the turn.
     UnitMask gave_up = 0;
     bool takes_image = false;           ///< See TaskOptions::image_input.
-    std::optional<StateId> state = {};  ///< Index of states_.
+    std::optional<StateId> state = {};  ///< Of live_units_.
     std::optional<RecallLead> lead = {};
   };
   struct Unit {
@@ -186,8 +184,8 @@ class Runtime::Engine {
   void take_first_inputs();
   void tell_limits() const;
   void open_units();
-  void ended(Call& call, CallEnd& end);
-  void slice_ended(Call& call);
+  void ended(UnitId unit, Call& call, CallEnd& end) override;
+  void slice_ended(UnitId unit, Call& call) override;
   std::vector<Preparation> preparations(UnitId unit);
   /// Null: it has none there.
   [[nodiscard]] static const KernelFunction* own_kernel(const OwnWorkload& own,
@@ -203,7 +201,7 @@ class Runtime::Engine {
   Submitted& take_record();
   [[nodiscard]] static Prospect prospect(const Submitted& task);
   [[nodiscard]] bool may_wait(Prospect prospect, std::uint64_t turns);
-  static void post(std::atomic<Submitted*>& list, Submitted& task, Submitted::Event event);
+  static void post(runtime::Atomic<Submitted*>& list, Submitted& task, Submitted::Event event);
   /// Whose thread it is that works: callbacks run on the runtime's own alone.
   enum class Thread : std::uint8_t { kOurs, kTheirs };
   void work(Thread thread);
@@ -212,7 +210,7 @@ class Runtime::Engine {
            (submitted_.load() != nullptr && (turns_.load() & 1U) != 0);
   }
   void take_turn();
-  void take_all(std::atomic<Submitted*>& list);
+  void take_all(runtime::Atomic<Submitted*>& list);
   void take_event(Submitted& task);
   void end_turn(runtime::Turn::Held& turn, TaskChain& ended);
   void take_in(Submitted& task);
@@ -223,17 +221,17 @@ class Runtime::Engine {
   void note_arrival(const Submitted& task);
   void count_returns(const Submitted& task);
   void look();
-  [[nodiscard]] LiveUnits::Expectation expected(UnitId unit, std::uint64_t token);
-  void give_up(const LiveUnits::Hung& hung);
+  [[nodiscard]] Expectation expected(UnitId unit, const Call& call) override;
+  void set_unit(UnitId unit, UnitState state) override;
+  void give_up(UnitId unit, Call& call, CallEnd end) override;
   void lose(UnitId unit);
-  void note_reach();
+  void look_for_reach();
   std::vector<std::string> ask_for_all(UnitId unit);
   void hear_of_others();
   void cancel_asked();
   void apply();
   void start(const Start& start);
   void count_running(UnitId unit, int more);
-  void request_stop(Submitted& task);
   void fill_call(Submitted& task);
   void decide(Submitted& task, TaskEnd end);
   void finish(Submitted& task, TaskEnd end);
@@ -257,7 +255,7 @@ class Runtime::Engine {
   }
   const std::uint64_t number_of_engine_;
   RuntimeOptions options_;
-  MachineClock clock_;
+  runtime::LiveClock clock_;
   Nanos began_ = clock_.now();
   /// And RuntimeOptions::made. A call that hangs may outlive the engine.
   std::shared_ptr<std::deque<Workload>> own_ = std::make_shared<std::deque<Workload>>();
@@ -277,15 +275,17 @@ class Runtime::Engine {
   SlabOwner records_;
 
   // What is posted for who has the turn, the newest first.
-  std::atomic<Submitted*> submitted_ = nullptr;
-  std::atomic<Submitted*> ended_calls_ = nullptr;
+  runtime::Atomic<Submitted*> submitted_ = nullptr;
+  runtime::Atomic<Submitted*> ended_calls_ = nullptr;
   enum : unsigned { kTakeIn = 1, kLook = 2 };
-  std::atomic<unsigned> asked_ = 0;  ///< What else is wanted.
-  std::atomic<bool> closing_ = false;
+  runtime::Atomic<unsigned> asked_ = 0;  ///< What else is wanted.
+  runtime::Atomic<bool> closing_ = false;
   runtime::Turn turn_;
   /// How many turns have ended, times two; one more if what is submitted is not to wait for the
   /// next one: some unit could start it, or what it comes after may not have completed.
-  std::atomic<std::uint64_t> turns_ = 1;
+  /// store(turns_) -> load(submitted_) of who ends a turn, seq_cst; pairs with post(submitted_) ->
+  /// load(turns_) of submit: one of the two sees the other.
+  runtime::Atomic<std::uint64_t> turns_ = 1;
 
   // Of who has the turn.
   std::optional<Dispatcher> dispatcher_;
@@ -295,10 +295,8 @@ class Runtime::Engine {
   Effects effects_;
   Effects applied_;  ///< For its memory.
   std::vector<Unit> units_;
-  std::vector<UnitId> elsewhere_;  ///< Those that compute there.
-  OutputPool pool_;
-  std::vector<std::shared_ptr<StateValue>> states_;  ///< Workloads may share them.
-  std::map<std::string, StateId, std::less<>> state_names_;
+  std::vector<UnitId> elsewhere_;                            ///< Those that compute there.
+  std::map<std::string, StateId, std::less<>> state_names_;  ///< Workloads may share them.
   std::vector<Submitted*> tasks_;  ///< By slot of their ids; null = not known.
   std::vector<TaskId> after_;
   TaskChain ended_;                     ///< To be told when the turn is over.
@@ -312,26 +310,25 @@ class Runtime::Engine {
   Problems problems_;
   Nanos set_up_{0};
 
-  std::mutex bringing_back_;  ///< One unit at a time.
+  runtime::Mutex bringing_back_;  ///< One unit at a time.
 
-  std::mutex asking_;
+  runtime::Mutex asking_;
   std::vector<TaskRef> cancels_;
   bool cancels_all_ = false;
 
-  std::mutex telling_;
+  runtime::Mutex telling_;
   TaskChain to_tell_;  ///< Those that ended in the turn of a thread that is not the runtime's.
-  std::vector<std::string> to_say_;             ///< Problems, where somebody wants to hear of them.
-  std::atomic<bool> anything_to_tell_ = false;  ///< Of these two.
+  std::vector<std::string> to_say_;  ///< Problems, where somebody wants to hear of them.
+  runtime::Atomic<bool> anything_to_tell_ = false;  ///< Of these two.
 
   runtime::Room room_;
 
-  std::mutex watch_mutex_;
-  std::condition_variable_any watch_sooner_;
-  std::atomic<Nanos> watch_at_ = Nanos::max();  ///< When it looks; changed with the mutex.
-  bool watch_now_ = false;
-  std::atomic<bool> calls_run_ = false;     ///< Written in turns.
-  std::atomic<bool> out_of_reach_ = false;  ///< Some unit is, and may be within it again.
-  std::jthread watcher_;
+  runtime::Bell watch_;
+  runtime::Atomic<Nanos> watch_at_ = Nanos::max();  ///< When it looks.
+  runtime::Atomic<bool> watch_now_ = false;
+  runtime::Atomic<bool> calls_run_ = false;     ///< Written in turns.
+  runtime::Atomic<bool> out_of_reach_ = false;  ///< Some unit is, and may be within it again.
+  runtime::Thread watcher_;
   LiveUnits live_units_;  ///< Last: their threads use all of it.
 };
 

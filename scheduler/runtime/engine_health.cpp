@@ -71,7 +71,8 @@ void Runtime::Engine::bring_back(std::string_view name) {
 std::vector<std::string> Runtime::Engine::ask_for_all(UnitId unit) {
   std::vector<std::string> news;
   live_units_.forget_returns(unit);
-  units_[unit].heard = live_units_.at(unit).heard();
+  const Remote* const remote = live_units_.at(unit).remote();
+  if (remote != nullptr) units_[unit].heard = remote->heard();
   for (Known& each : workloads_) {
     if (!contains(each.runs_on, unit)) continue;
     const Support served = live_units_.at(unit).serves(*each.workload);
@@ -89,7 +90,7 @@ std::vector<std::string> Runtime::Engine::ask_for_all(UnitId unit) {
 void Runtime::Engine::hear_of_others() {
   for (const UnitId unit : elsewhere_) {
     const KernelUnit& there = live_units_.at(unit);
-    if (there.heard() == units_[unit].heard) continue;
+    if (there.remote()->heard() == units_[unit].heard) continue;
     for (std::string& each : ask_for_all(unit)) add_problem(std::move(each));
     if (std::exchange(units_[unit].in_service, true)) continue;
     dispatcher_->set_unit(unit, there.is_reachable() ? UnitState::kUp : UnitState::kDraining, now_,
@@ -101,26 +102,25 @@ void Runtime::Engine::hear_of_others() {
 void Runtime::Engine::look() {
   dispatcher_->wake(now_, effects_);
   apply();
-  const auto all = live_units_.abandon_hung(
-      [this](UnitId unit, std::uint64_t token) { return expected(unit, token); });
-  // All of them first: nothing of one may start on another.
-  for (const LiveUnits::Hung& hung : all) lose(hung.unit);
-  for (const LiveUnits::Hung& hung : all) give_up(hung);
-  note_reach();
+  live_units_.look_for_hung();
+  look_for_reach();
   look_at_ =
       std::min(later_by(now_, live_units_.look_every()), live_units_.next_overdue() - began_);
 }
 
-void Runtime::Engine::note_reach() {
-  for (const auto& [unit, state] : live_units_.changed_reach()) {
-    if (units_[unit].in_service) dispatcher_->set_unit(unit, state, now_, effects_);
-    apply();
-  }
+void Runtime::Engine::look_for_reach() {
+  live_units_.look_for_reach();
   out_of_reach_ = live_units_.any_out_of_reach();
 }
 
-LiveUnits::Expectation Runtime::Engine::expected(UnitId unit, std::uint64_t token) {
-  const std::size_t index = task_at(token).workload_index;
+void Runtime::Engine::set_unit(UnitId unit, UnitState state) {
+  if (state == UnitState::kGone) return lose(unit);
+  if (units_[unit].in_service) dispatcher_->set_unit(unit, state, now_, effects_);
+  apply();
+}
+
+LiveDriver::Expectation Runtime::Engine::expected(UnitId unit, const Call& call) {
+  const std::size_t index = task_at(call.token).workload_index;
   const Known& known = workloads_[index];
   if (known.own != nullptr && !known.own->expected.contains(options_.platform.units[unit].name)) {
     return {.otherwise = kUnknownTimeLimit};
@@ -129,48 +129,25 @@ LiveUnits::Expectation Runtime::Engine::expected(UnitId unit, std::uint64_t toke
   return {setup_->scenario.services.find(static_cast<WorkloadId>(index), unit)};
 }
 
-/// The call never comes back to anybody. What it reads and writes is its own from then on, as is
-/// the record that it is in.
-void Runtime::Engine::give_up(const LiveUnits::Hung& hung) {
-  Submitted& task = task_at(hung.token);
-  TaskRef::hold(task);
-  if (const auto& id = workloads_[task.workload_index].state) {
-    states_[*id] = std::make_shared<StateValue>(*states_[*id]);
-  }
-  const std::string problem =
-      overdue(task.workload->name, options_.platform.units[hung.unit].name, hung.ran);
-  const auto give_end = [&](std::uint64_t token, CallEnd end) {
-    Submitted& each = task_at(token);
-    each.call_end = std::move(end);
-    each.event = Submitted::Event::kEnd;
-    take_event(each);
-  };
-  // What waits for it between two slices never ends either.
-  for (const std::uint64_t token : hung.suspended) {
-    Submitted& outer = task_at(token);
-    TaskRef::hold(outer);
-    if (const auto& id = workloads_[outer.workload_index].state) {
-      states_[*id] = std::make_shared<StateValue>(*states_[*id]);
-    }
-    give_end(token, {.outcome = Outcome::kFailed,
-                     .problem = outer.workload->name + ": left for " + task.workload->name +
-                                ", which hangs"});
-  }
-  give_end(hung.token, {.outcome = Outcome::kFailed, .busy = hung.ran, .problem = problem});
-  for (const std::uint64_t token : hung.behind) give_end(token, {.outcome = Outcome::kReturned});
+/// The record is the call's own from then on, if the call is its unit's.
+void Runtime::Engine::give_up(UnitId, Call& call, CallEnd end) {
+  Submitted& task = task_at(call.token);
+  if (end.outcome == Outcome::kFailed) TaskRef::hold(task);
+  task.call_end = std::move(end);
+  task.event = Submitted::Event::kEnd;
+  take_event(task);
 }
 
 void Runtime::Engine::wake_watcher() {
-  const std::lock_guard lock(watch_mutex_);
   watch_now_ = true;
-  watch_sooner_.notify_one();
+  watch_.ring(1);
 }
 
 void Runtime::Engine::watch_by(Nanos due) {
-  const std::lock_guard lock(watch_mutex_);
-  if (due >= watch_at_.load()) return;
-  watch_at_ = due;
-  watch_sooner_.notify_one();
+  Nanos at = watch_at_;
+  while (due < at) {
+    if (watch_at_.compare_exchange_weak(at, due)) return watch_.ring(1);
+  }
 }
 
 /// With nothing that runs and nothing to come it sleeps until somebody wakes it.
@@ -178,25 +155,16 @@ void Runtime::Engine::watch(const std::stop_token& stop) {
   name_thread("pirt-watch");
   take_class_of_process();
   static_cast<void>(take_priority(options_.priority));
-  std::unique_lock lock(watch_mutex_);
   while (!stop.stop_requested()) {
     const Nanos at = watch_at_;
-    const auto sooner = [&] { return watch_now_ || watch_at_.load() < at; };
-    if (at == Nanos::max()) {
-      watch_sooner_.wait(lock, stop, sooner);
-    } else {
-      watch_sooner_.wait_until(lock, stop, std::chrono::steady_clock::time_point(began_ + at),
-                               sooner);
-    }
+    watch_.sleep_until([&] { return watch_now_ || watch_at_.load() < at; }, later_by(began_, at));
     if (!watch_now_ && now() < at) continue;
     // The turn that follows says when it looks next.
     watch_at_ = Nanos::max();
     watch_now_ = false;
-    lock.unlock();
     asked_.fetch_or(kLook);
     work(Thread::kOurs);
     if (anything_to_tell_) tell_posted();
-    lock.lock();
   }
 }
 

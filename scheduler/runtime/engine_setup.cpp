@@ -18,7 +18,7 @@ namespace {
 constexpr Nanos kUnknownTime = std::chrono::milliseconds(1);
 
 std::uint64_t next_number() {
-  static std::atomic<std::uint64_t> engines = 0;
+  static runtime::Atomic<std::uint64_t> engines = 0;
   return ++engines;
 }
 
@@ -59,19 +59,16 @@ Runtime::Engine::Engine(RuntimeOptions options)
       options_(on_devices_of_profile(std::move(options))),
       samples_(1),
       room_(checked(options_.most_tasks)),
-      live_units_(
-          options_.platform,
-          {.prepare_first = options_.prepare_first,
-           .time_limit = options_.time_limit,
-           .priority = options_.priority,
-           .spin = checked_spin(options_.spin),
-           .keeps = own_,
-           .stop = {},
-           .progress = options_.progress,
-           .slice_ended = suspends_calls(options_)
-                              ? std::function([this](UnitId, Call& call) { slice_ended(call); })
-                              : nullptr},
-          [this](UnitId, Call& call, CallEnd& end) { ended(call, end); }) {
+      live_units_(options_.platform,
+                  {.prepare_first = options_.prepare_first,
+                   .time_limit = options_.time_limit,
+                   .priority = options_.priority,
+                   .spin = checked_spin(options_.spin),
+                   .keeps = own_,
+                   .stop = {},
+                   .progress = options_.progress,
+                   .slices = suspends_calls(options_)},
+                  *this) {
   const Nanos begin = clock_.now();
   units_.resize(options_.platform.units.size());
   list_workloads();
@@ -113,9 +110,9 @@ Runtime::Engine::Engine(RuntimeOptions options)
   take_first_inputs();
   open_units();
   now_ = now();
-  note_reach();  // Before the first task: nothing is given to what is out of reach.
+  look_for_reach();  // Before the first task: nothing is given to what is out of reach.
   set_up_ = clock_.now() - begin;
-  watcher_ = start_thread([this](const std::stop_token& stop) { watch(stop); });
+  watcher_ = runtime::start_thread([this](const std::stop_token& stop) { watch(stop); });
   if (anything_to_tell_) wake_watcher();
 }
 
@@ -177,10 +174,10 @@ void Runtime::Engine::list_states() {
     const auto& spec = known.workload->state;
     if (!spec) continue;
     const auto [place, is_new] =
-        state_names_.emplace(spec->name, static_cast<StateId>(states_.size()));
+        state_names_.emplace(spec->name, static_cast<StateId>(state_names_.size()));
     if (is_new) {
       first.push_back(known.workload);
-      states_.push_back(std::make_shared<StateValue>(*known.workload));
+      live_units_.add_state(*known.workload);
     } else if (*first[place->second]->state != *spec) {
       throw_bad_input("workloads " + first[place->second]->name + " and " + known.workload->name +
                       " have other tensors in the state '" + spec->name + "' that they share");
@@ -314,7 +311,7 @@ void Runtime::Engine::open_units() {
 }
 
 /// From the unit's thread, which waits for the answer.
-void Runtime::Engine::slice_ended(Call& call) {
+void Runtime::Engine::slice_ended(UnitId, Call& call) {
   Submitted& task = task_at(call.token);
   task.call_end.at = now();
   post(ended_calls_, task, Submitted::Event::kSliceEnded);
@@ -322,10 +319,8 @@ void Runtime::Engine::slice_ended(Call& call) {
 }
 
 /// From the unit's thread.
-void Runtime::Engine::ended(Call& call, CallEnd& end) {
+void Runtime::Engine::ended(UnitId, Call& call, CallEnd& end) {
   Submitted& task = task_at(call.token);
-  call.inputs.clear();  // What it shares is to be written again when nobody else has it.
-  call.state = nullptr;
   task.call_end = std::move(end);
   task.call_end.at -= began_;
   post(ended_calls_, task, Submitted::Event::kEnd);

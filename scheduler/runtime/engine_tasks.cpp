@@ -105,9 +105,7 @@ void Runtime::Engine::take_end(Submitted& task) {
   if (!wanted) return forget(task);  // Cancelled as it ran.
   if (end.outcome == Outcome::kReturned) return;
   if (end.outcome != Outcome::kCompleted) return finish(task, TaskEnd::kFailed);
-  if (const auto& state = workloads_[task.workload_index].state) {
-    states_[*state]->commit(end.version);
-  }
+  task.call.commit(end);
   ++unit.completed;
   unit.latency.add(std::max(now_ - task.dispatched_at, Nanos::zero()));
   finish(task, TaskEnd::kCompleted);
@@ -164,7 +162,7 @@ void Runtime::Engine::cancel_asked() {
     dispatcher_->cancel(id, now_, effects_);
     apply();
     if (task->running) {
-      request_stop(*task);
+      live_units_.request_stop(task->unit, task->call);
     } else {
       forget(*task);
       TaskRef::let_go(*task);
@@ -213,7 +211,7 @@ void Runtime::Engine::apply() {
   }
   for (const Recalled& each : applied_.recalled) {
     Submitted* const task = task_of(each.task);
-    if (task != nullptr && task->running) request_stop(*task);
+    if (task != nullptr && task->running) live_units_.request_stop(each.unit, task->call);
   }
   for (const Ended& each : applied_.ended) {
     Submitted* const task = task_of(each.task);
@@ -225,11 +223,6 @@ void Runtime::Engine::apply() {
     finish(*task, each.how);
   }
   applied_.clear();
-}
-
-/// Of one that runs.
-void Runtime::Engine::request_stop(Submitted& task) {
-  live_units_.request_stop(task.unit, task.call);
 }
 
 void Runtime::Engine::start(const Start& start) {
@@ -261,19 +254,9 @@ void Runtime::Engine::note_arrival(const Submitted& task) {
 
 void Runtime::Engine::fill_call(Submitted& task) {
   Call& call = task.call;
-  const auto& state = workloads_[task.workload_index].state;
-  call.workload = task.workload;
-  if (!task.workload->outputs.empty()) {
-    call.outputs = pool_.take(*task.workload, live_units_.at(task.unit).output_memory());
-  }
-  if (state) call.state = states_[*state];
+  live_units_.fill(task.unit, call, *task.workload, workloads_[task.workload_index].state,
+                   task.recall, began_);
   call.token = reinterpret_cast<std::uintptr_t>(&task);
-  call.unwanted.store(false, std::memory_order_relaxed);
-  call.wanted_until.reset();
-  if (task.recall && contains(task.recall->from, task.unit)) {
-    call.wanted_until = began_ + task.recall->at;
-  }
-  call.inputs.clear();
   call.inputs.reserve(task.inputs.size());
   for (const TaskInput& input : task.inputs) {
     const TaskOutput& output = input.output_;

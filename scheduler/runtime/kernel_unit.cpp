@@ -52,7 +52,7 @@ KernelUnit::KernelUnit(UnitSetup setup, Done done)
     : setup_(std::move(setup)),
       done_(std::move(done)),
       lanes_(static_cast<std::size_t>(setup_.lanes)),
-      thread_(start_thread([this] { serve(); })) {}
+      thread_(runtime::start_thread([this] { serve(); })) {}
 
 KernelUnit::~KernelUnit() { stop(); }
 
@@ -69,15 +69,12 @@ void KernelUnit::stop() {
 void KernelUnit::leave(std::unique_ptr<KernelUnit> unit) {
   unit->thread_.detach();
   // For ever, and where whoever looks for leaks finds them.
-  static std::atomic<KernelUnit*> newest = nullptr;
+  static runtime::Atomic<KernelUnit*> newest = nullptr;
   KernelUnit& stays = *unit.release();
   stays.stayed_before_ = newest.exchange(&stays);
 }
 
-bool KernelUnit::is_over_start(Nanos most) {
-  std::unique_lock lock(mutex_);
-  return changed_.wait_for(lock, most, [this] { return ready_ || failure_ != nullptr; });
-}
+bool KernelUnit::is_over_start(Nanos most) { return started_.wait_for(most); }
 
 bool KernelUnit::wait_until_ready(Nanos most) {
   const bool over = is_over_start(most);
@@ -105,17 +102,15 @@ std::vector<KernelUnit::Running> KernelUnit::running() const {
   return running;
 }
 
-std::optional<std::vector<std::uint64_t>> KernelUnit::abandon(const Running& call) {
+std::optional<std::vector<Call*>> KernelUnit::abandon(const Running& call) {
   Lane& lane = lanes_.front();
   if (!lane.running.give_up(call.number)) return std::nullopt;
   abandoned_ = true;
   lane.stop.request_stop();
   const std::lock_guard lock(taking_);
   queue_posted();
-  std::vector<std::uint64_t> behind;
-  for (const Call* each = queued_; each != nullptr; each = each->neighbour) {
-    behind.push_back(each->token);
-  }
+  std::vector<Call*> behind;
+  for (Call* each = queued_; each != nullptr; each = each->neighbour) behind.push_back(each);
   queued_ = nullptr;
   return behind;
 }
@@ -133,7 +128,7 @@ bool KernelUnit::request_stop(Call& call) {
   const bool is_news = !call.unwanted.exchange(true);
   for (Lane& lane : lanes_) {
     const auto runs = lane.running.seen();
-    if (runs && runs->token == call.token) return stop_call(lane, *runs);
+    if (runs && runs->call == &call) return stop_call(lane, *runs);
   }
   return is_news;
 }
@@ -203,11 +198,11 @@ void KernelUnit::serve() {
   take_class_of_process();
   for (Lane& lane : lanes_) lane.unit = this;
   stop_here = &lanes_.front().stop;
-  std::vector<std::jthread> others;
+  std::vector<runtime::Thread> others;
   try {
     set_up();
     for (std::size_t i = 1; i < lanes_.size(); ++i) {
-      others.push_back(start_thread([this, &lane = lanes_[i]] {
+      others.push_back(runtime::start_thread([this, &lane = lanes_[i]] {
         name_thread(name());
         static_cast<void>(take_priority(setup_.priority));
         if (serve_calls(lane)) lane.kernels.clear();
@@ -215,16 +210,11 @@ void KernelUnit::serve() {
     }
   } catch (...) {
     stop();  // Those that have begun.
-    const std::lock_guard lock(mutex_);
     failure_ = std::current_exception();
-    changed_.notify_all();
+    started_.set();
     return;
   }
-  {
-    const std::lock_guard lock(mutex_);
-    ready_ = true;
-  }
-  changed_.notify_all();
+  started_.set();
   if (!serve_calls(lanes_.front())) return;
   others.clear();
   // Where they were made: a driver may want its own thread.
@@ -262,7 +252,7 @@ class KernelUnit::Slices final : public SliceListener {
 /// False if it was given up: nobody knows of the call any more; what it holds goes with it.
 bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
   const Nanos begin = clock_.now();
-  lane.running.begin(call.token, begin);
+  lane.running.begin(call, begin);
   const Remote* const remote = remote_;
   // Who wants it no more, or stops the unit, saw this call or is seen here.
   const bool begins = remote == nullptr || (!call.unwanted && !stopping_);
@@ -460,7 +450,7 @@ std::uint64_t KernelUnit::compute(Lane& lane, Prepared& prepared, Call& call, Ca
   times.execute = executed - uploaded - times.launch.value_or(Nanos::zero()) - lane.paused;
   times.download = clock_.now() - executed;
   if (call.state == nullptr || call.intended != Outcome::kCompleted) return 0;
-  static std::atomic<std::uint64_t> versions = 0;
+  static runtime::Atomic<std::uint64_t> versions = 0;
   kernel.commit_state();
   return prepared.version = ++versions;
 }

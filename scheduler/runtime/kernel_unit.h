@@ -4,8 +4,6 @@
 #pragma once
 
 #include <algorithm>
-#include <atomic>
-#include <condition_variable>
 #include <deque>
 #include <exception>
 #include <functional>
@@ -15,14 +13,15 @@
 #include <span>
 #include <stop_token>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "characterize/platform/platform.h"
 #include "scheduler/mix/task.h"
 #include "scheduler/runtime/bell.h"
 #include "scheduler/runtime/call.h"
+#include "scheduler/runtime/latch.h"
 #include "scheduler/runtime/running_call.h"
+#include "scheduler/runtime/threads.h"
 #include "workloads/model/function_kernel.h"
 #include "workloads/model/remote.h"
 #include "workloads/model/slices.h"
@@ -97,11 +96,8 @@ class KernelUnit {
   /// Whether those elsewhere have the workload, which is one of the preparations, by what was heard
   /// of them so far; once it is ready and until it is stopped. One that computes here has it.
   [[nodiscard]] Support serves(const Workload& workload) const;
-  /// Remote::heard, likewise; 0 if it computes here.
-  [[nodiscard]] std::uint64_t heard() const {
-    const Remote* const remote = remote_;
-    return remote == nullptr ? 0 : remote->heard();
-  }
+  /// What computes elsewhere, likewise; null = it computes here.
+  [[nodiscard]] const Remote* remote() const { return remote_; }
   /// Runs the call after those before it. Any thread, which waits for nobody; from `done` the
   /// thread that called it goes on with it.
   void run(Call& call);
@@ -115,14 +111,13 @@ class KernelUnit {
   };
   /// The calls that run now; none from when it was abandoned.
   [[nodiscard]] std::vector<Running> running() const;
-  /// Nothing is heard of the call any more, and nothing runs after it. The tokens of those that
-  /// waited behind it; absent, and nothing changed, if it does not run, or was abandoned before.
-  /// Of a unit with one lane.
-  [[nodiscard]] std::optional<std::vector<std::uint64_t>> abandon(const Running& call);
+  /// Nothing is heard of the call any more, and nothing runs after it. Those that waited behind it;
+  /// absent, and nothing changed, if it does not run, or was abandoned before. Of a unit with one
+  /// lane.
+  [[nodiscard]] std::optional<std::vector<Call*>> abandon(const Running& call);
   [[nodiscard]] bool abandoned() const { return abandoned_; }
-  /// Tokens of the calls that are suspended between two slices. Of one that was abandoned, never to
-  /// end.
-  [[nodiscard]] std::vector<std::uint64_t> suspended();
+  /// The calls that are suspended between two slices. Of one that was abandoned, never to end.
+  [[nodiscard]] std::vector<Call*> suspended();
   /// Whoever made the call wants its result no more; it may hear of that. One that waits, or is
   /// under way, elsewhere is withdrawn, and given back soon. @return  Whether that is news.
   /// @param call  That it was given and that is not done, or one that runs.
@@ -137,20 +132,10 @@ class KernelUnit {
   [[nodiscard]] TensorMemory* output_memory() const { return output_memory_.get(); }
   /// Whether it computes elsewhere, once it is ready.
   [[nodiscard]] bool is_remote() const { return remote_ != nullptr; }
-  /// The way there, as it was measured so far; absent if it computes here.
-  [[nodiscard]] std::optional<LinkEstimate> link() const {
-    const Remote* const remote = remote_;
-    return remote == nullptr ? std::nullopt : std::optional(remote->link());
-  }
   /// Whether what it computes on is within reach, once it is ready and until it is stopped.
   [[nodiscard]] bool is_reachable() const {
     const Remote* const remote = remote_;
     return remote == nullptr || remote->is_reachable();
-  }
-  /// For how long it is waited for while it is out of reach, once it is ready.
-  [[nodiscard]] Nanos patience() const {
-    const Remote* const remote = remote_;
-    return remote == nullptr ? Nanos::zero() : remote->patience();
   }
   /// Whether the device tells the time of its calls by a clock of its own, once it is ready.
   [[nodiscard]] bool has_own_clock() const { return has_own_clock_; }
@@ -175,8 +160,8 @@ class KernelUnit {
     Nanos awake{0};         ///< Since the last call.
     Nanos paused{0};        ///< How long the call that runs was suspended.
     // What was said of a call that waits between two slices.
-    std::atomic<Call*> let_in = nullptr;
-    std::atomic<bool> goes_on = false;
+    runtime::Atomic<Call*> let_in = nullptr;
+    runtime::Atomic<bool> goes_on = false;
     std::vector<Call*> suspended;  ///< The innermost last; with taking_.
   };
   class Slices;
@@ -207,29 +192,28 @@ class KernelUnit {
 
   UnitSetup setup_;
   Done done_;
-  MachineClock clock_;
+  runtime::LiveClock clock_;
   std::unique_ptr<Device> device_;  ///< Made and ended by the unit's thread.
   std::deque<Lane> lanes_;          ///< The first one's thread is the unit's.
 
-  std::mutex mutex_;  ///< Of its start.
-  std::condition_variable changed_;
-  bool ready_ = false;
+  runtime::Latch started_;  ///< Or it has failed; what follows is written before.
   std::string remark_;
   std::optional<DeviceInfo> device_info_;
   std::shared_ptr<TensorMemory> output_memory_;
-  std::atomic<Remote*> remote_ = nullptr;  ///< The device, if it is one.
+  runtime::Atomic<Remote*> remote_ = nullptr;  ///< The device, if it is one.
   bool has_own_clock_ = false;
   std::exception_ptr failure_;
-  std::atomic<bool> stopping_ = false;
-  std::atomic<bool> abandoned_ = false;
+  runtime::Atomic<bool> stopping_ = false;
+  runtime::Atomic<bool> abandoned_ = false;
 
   // Calls that wait. Who brings one leaves it in a list, the newest first; lanes turn that round.
-  std::atomic<Call*> posted_ = nullptr;
-  std::mutex taking_;                    ///< Lanes' alone, and of who abandons one.
-  std::atomic<Call*> queued_ = nullptr;  ///< Oldest first, before posted_; changed with taking_.
+  runtime::Atomic<Call*> posted_ = nullptr;
+  runtime::Mutex taking_;  ///< Lanes' alone, and of who abandons one.
+  runtime::Atomic<Call*> queued_ =
+      nullptr;  ///< Oldest first, before posted_; changed with taking_.
   runtime::Bell bell_;
   KernelUnit* stayed_before_ = nullptr;  ///< Of those that stay for ever.
-  std::jthread thread_;                  ///< Last: all else is there before it and after it.
+  runtime::Thread thread_;               ///< Last: all else is there before it and after it.
 };
 
 }  // namespace pirt

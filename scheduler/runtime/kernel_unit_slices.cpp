@@ -21,11 +21,9 @@ void KernelUnit::go_on() {
   bell_.ring(1);
 }
 
-std::vector<std::uint64_t> KernelUnit::suspended() {
+std::vector<Call*> KernelUnit::suspended() {
   const std::lock_guard lock(taking_);
-  std::vector<std::uint64_t> tokens;
-  for (const Call* each : lanes_.front().suspended) tokens.push_back(each->token);
-  return tokens;
+  return lanes_.front().suspended;
 }
 
 /// While it asks and is suspended the call does not run, for whoever looks: it does not hang.
@@ -56,7 +54,7 @@ void KernelUnit::between_slices_of(Lane& lane, Call& call, Nanos begin) {
   }
   lane.stop = std::move(stop);
   lane.paused = paused + (clock_.now() - since);
-  lane.running.begin(call.token, begin + lane.paused);
+  lane.running.begin(call, begin + lane.paused);
   if (call.unwanted) lane.stop.request_stop();
 }
 

@@ -2,9 +2,8 @@
 #pragma once
 
 #include <cstdint>
-#include <ctime>
 
-#include "scheduler/runtime/futex.h"
+#include "scheduler/runtime/threads.h"
 #include "workloads/base/time.h"
 
 namespace pirt::runtime {
@@ -14,24 +13,23 @@ namespace pirt::runtime {
 class Latch {
  public:
   [[nodiscard]] bool is_set() const { return state_.load(std::memory_order_acquire) == kSet; }
+  /// exchange(state) -> load acquire of is_set: who sees it set sees what was written before.
   void set() {
     if (state_.exchange(kSet) == kAwaited) futex_wake(state_, INT32_MAX);
   }
   /// Nobody waits, and nobody will before this has become known to them.
   void reset() { state_.store(kNot, std::memory_order_relaxed); }
   void wait() {
-    while (!is_set()) sleep(nullptr);
+    while (!is_set()) sleep(Nanos::max());
   }
   /// @return  Whether it is set.
-  template <typename Clock>
-  bool wait_for(Nanos most, const Clock& clock) {
-    const Nanos begin = clock.now();
+  bool wait_for(Nanos most) {
+    const LiveClock clock;
+    const Nanos until = later_by(clock.now(), most);
     while (!is_set()) {
-      const Nanos remaining = most - (clock.now() - begin);
-      if (remaining <= Nanos::zero()) return false;
-      const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(remaining);
-      const std::timespec time{.tv_sec = seconds.count(), .tv_nsec = (remaining - seconds).count()};
-      sleep(&time);
+      const Nanos now = clock.now();
+      if (now >= until) return false;
+      sleep(until - now);
     }
     return true;
   }
@@ -39,7 +37,7 @@ class Latch {
  private:
   enum : std::uint32_t { kNot, kAwaited, kSet };
 
-  void sleep(const std::timespec* most) {
+  void sleep(Nanos most) {
     std::uint32_t state = kNot;
     if (state_.compare_exchange_strong(state, kAwaited) || state == kAwaited) {
       futex_wait(state_, kAwaited, most);

@@ -1,7 +1,6 @@
 #include "scheduler/runtime/live_run.h"
 
 #include <algorithm>
-#include <condition_variable>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -9,8 +8,8 @@
 
 #include "characterize/platform/elsewhere.h"
 #include "scheduler/runtime/live_units.h"
-#include "scheduler/runtime/output_pool.h"
 #include "scheduler/runtime/samples.h"
+#include "scheduler/runtime/threads.h"
 #include "workloads/catalog/catalog.h"
 
 namespace pirt {
@@ -40,7 +39,7 @@ class KeptCalls {
   std::uint64_t seen_ = 0, stride_ = 1;
 };
 
-class LiveRun final : public Executor {
+class LiveRun final : public Executor, private LiveDriver {
  public:
   LiveRun(const Scenario& scenario, Dispatcher& dispatcher, const LiveOptions& options,
           RunObserver* observer)
@@ -54,13 +53,10 @@ class LiveRun final : public Executor {
                 .time_limit = options.time_limit,
                 .stop = options.stop,
                 .progress = options.progress,
-                .slice_ended = scenario.slices ? std::function([this](UnitId unit, Call& call) {
-                  slice_ended(unit, call);
-                })
-                                               : nullptr},
-               [this](UnitId unit, Call& call, const CallEnd& end) { ended(unit, call, end); }) {
+                .slices = scenario.slices},
+               *this) {
     for (const MixState& state : scenario.mix.states) {
-      states_.push_back(std::make_shared<StateValue>(find_workload(state.workload)));
+      units_.add_state(find_workload(state.workload));
     }
   }
 
@@ -72,9 +68,7 @@ class LiveRun final : public Executor {
     {
       std::unique_lock lock(mutex_);
       // Nothing is given to what is out of reach from the beginning.
-      for (const auto& [unit, state] : units_.changed_reach()) {
-        time_.set_unit(unit, state, Nanos::zero());
-      }
+      units_.look_for_reach();
       time_.begin();
       pace(lock);
       closing_ = true;
@@ -92,23 +86,19 @@ class LiveRun final : public Executor {
 
   /// Behind the mutex, from within what a thread tells the driver.
   void start(JobIndex job, UnitId unit, bool let_in) override {
-    if (closing_) return;  // Nobody waits for what comes now.
+    if (closing_) {  // Nobody waits for what comes now, nor does what was suspended for it.
+      if (let_in) units_.go_on(unit);
+      return;
+    }
     ++computing_;
     const Firings::TaskPlace& place = time_.firings().place(job);
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
     const Workload& workload = find_workload(task.workload);
     if (task.state && task.inputs.empty()) follow_sequence(*task.state, workload, place.firing);
     Call& call = call_of(job);
-    call.workload = &workload;
-    call.outputs = outputs_.take(workload, units_.at(unit).output_memory());
-    call.state = task.state ? states_[*task.state] : nullptr;
+    units_.fill(unit, call, workload, task.state, time_.firings().recall(job), start_);
     call.intended = time_.intended(job);
     call.token = job;
-    call.unwanted = false;
-    const auto recall = time_.firings().recall(job);
-    call.wanted_until.reset();
-    if (recall && contains(recall->from, unit)) call.wanted_until = start_ + recall->at;
-    call.inputs.clear();
     for (const Tensor& each : samples_.of(workload, place.firing)->inputs) {
       call.inputs.push_back(each.share());
     }
@@ -146,17 +136,16 @@ class LiveRun final : public Executor {
   void follow_sequence(std::size_t state, const Workload& workload, std::uint64_t firing) {
     const std::uint64_t frame = Samples::frame(workload, firing);
     const auto [last, first_time] = played_.try_emplace(state, frame);
-    if (!first_time && frame <= last->second) states_[state]->restart();
+    if (!first_time && frame <= last->second) units_.state(state).restart();
     last->second = frame;
   }
 
   void note_links() {
     for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
-      if (!units_.has(unit)) continue;
-      if (const auto link = units_.at(unit).link()) {
-        result_.links.emplace(units_.at(unit).name(), *link);
-        if (!units_.at(unit).is_reachable()) result_.out_of_reach.push_back(units_.at(unit).name());
-      }
+      const Remote* const remote = units_.has(unit) ? units_.at(unit).remote() : nullptr;
+      if (remote == nullptr) continue;
+      result_.links.emplace(units_.at(unit).name(), remote->link());
+      if (!remote->is_reachable()) result_.out_of_reach.push_back(units_.at(unit).name());
     }
   }
 
@@ -211,12 +200,13 @@ class LiveRun final : public Executor {
   }
 
   /// Lets events happen when their time has come, until there is none and nothing computes.
-  void pace(std::unique_lock<std::mutex>& lock) {
+  void pace(std::unique_lock<runtime::Mutex>& lock) {
     Nanos look = now() + kLook;
     while (true) {
-      const Nanos next = time_.next();
+      const Nanos next = closing_ ? Nanos::max() : time_.next();
+      if (closing_ && computing_ == 0) return;
       if (now() >= look) {
-        if (!goes_on()) return;
+        look_after();
         look = now() + kLook;
       } else if (next <= now()) {
         time_.advance(now());
@@ -229,23 +219,16 @@ class LiveRun final : public Executor {
     }
   }
 
-  /// Takes units out of service whose call does not end. False: nothing is waited for any more.
-  bool goes_on() {
-    const auto expected = [this](UnitId unit, std::uint64_t token) {
-      const WorkloadId workload = workload_of(static_cast<JobIndex>(token));
-      return LiveUnits::Expectation{scenario_.services.find(workload, unit)};
-    };
-    const auto all = units_.abandon_hung(expected);
-    // All of them first: nothing of one may start on another.
-    for (const LiveUnits::Hung& hung : all) time_.set_unit(hung.unit, UnitState::kGone, now());
-    for (const LiveUnits::Hung& hung : all) give_up(hung);
-    for (const auto& [unit, state] : units_.changed_reach()) time_.set_unit(unit, state, now());
+  /// Takes units out of service whose call does not end, and hears of signals.
+  void look_after() {
+    units_.look_for_hung();
+    units_.look_for_reach();
     const int stops = options_.stop ? options_.stop() : 0;
     if (stops > 0 && !result_.stopped) {
       result_.stopped = true;
       time_.stop(now());
     }
-    return stops < 2;
+    if (stops >= 2) closing_ = true;
   }
 
   [[nodiscard]] WorkloadId workload_of(JobIndex job) const {
@@ -260,38 +243,18 @@ class LiveRun final : public Executor {
     return *calls_[job];
   }
 
-  /// What the call has is its own from then on; its state is that of before.
-  void give_up(const LiveUnits::Hung& hung) {
-    const auto job = static_cast<JobIndex>(hung.token);
-    static_cast<void>(calls_[job].release());  // The thread that hangs has it.
-    const Firings::TaskPlace place = time_.firings().place(job);
-    const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
-    if (task.state) states_[*task.state] = std::make_shared<StateValue>(*states_[*task.state]);
-    problems_.add(overdue(task.workload, units_.at(hung.unit).name(), hung.ran));
-    for (const std::uint64_t token : hung.suspended)
-      give_up_suspended(static_cast<JobIndex>(token));
-    end_computing(job, {.outcome = Outcome::kFailed, .busy = hung.ran});
-    for (const std::uint64_t token : hung.behind) {
-      // Nobody has begun with it: what it reads is to be free for others.
-      Call& call = call_of(static_cast<JobIndex>(token));
-      call.inputs.clear();
-      call.state = nullptr;
-      call.outputs = nullptr;
-      end_computing(static_cast<JobIndex>(token), {.outcome = Outcome::kReturned});
-    }
+  [[nodiscard]] Expectation expected(UnitId unit, const Call& call) override {
+    return {scenario_.services.find(workload_of(static_cast<JobIndex>(call.token)), unit)};
+  }
+  void set_unit(UnitId unit, UnitState state) override { time_.set_unit(unit, state, now()); }
+  void give_up(UnitId, Call& call, CallEnd end) override {
+    const auto job = static_cast<JobIndex>(call.token);
+    if (end.outcome == Outcome::kFailed) static_cast<void>(calls_[job].release());
+    if (!end.problem.empty()) problems_.add(std::move(end.problem));
+    end_computing(job, {.outcome = end.outcome, .busy = end.busy});
   }
 
-  /// It waits between two slices for a call that hangs.
-  void give_up_suspended(JobIndex job) {
-    static_cast<void>(calls_[job].release());
-    const Firings::TaskPlace place = time_.firings().place(job);
-    const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
-    if (task.state) states_[*task.state] = std::make_shared<StateValue>(*states_[*task.state]);
-    end_computing(job, {.outcome = Outcome::kFailed});
-  }
-
-  /// From a unit's thread.
-  void slice_ended(UnitId unit, const Call& call) {
+  void slice_ended(UnitId unit, Call& call) override {
     const std::lock_guard lock(mutex_);
     if (closing_) return units_.go_on(unit);
     const Nanos next = time_.next();
@@ -305,20 +268,18 @@ class LiveRun final : public Executor {
     time_.finished(job, std::move(end), now());
   }
 
-  /// From a unit's thread.
-  void ended(UnitId unit, Call& call, const CallEnd& end) {
+  void ended(UnitId unit, Call& call, CallEnd& end) override {
     const std::lock_guard lock(mutex_);
     const auto job = static_cast<JobIndex>(call.token);
     const Firings::TaskPlace place = time_.firings().place(job);
     if (!end.problem.empty()) problems_.add(end.problem);
     const bool completed = end.outcome == Outcome::kCompleted;
-    if (completed && call.state) call.state->commit(end.version);
+    if (completed) call.commit(end);
     if (completed && options_.sink) options_.sink(place, *call.outputs);
     if (completed && options_.calls) kept_[{workload_of(job), unit}].add(end.times);
     // Before the firing that made them may be over, and the job another one's.
-    call.inputs.clear();
-    call.state = nullptr;
     const auto outputs = std::exchange(call.outputs, nullptr);
+    call.let_go();
     const Nanos next = time_.next();
     end_computing(job, {.outcome = end.outcome,
                         .busy = end.busy,
@@ -331,16 +292,14 @@ class LiveRun final : public Executor {
 
   const Scenario& scenario_;
   const LiveOptions& options_;
-  MachineClock clock_;
+  runtime::LiveClock clock_;
   Nanos start_{0};
 
-  std::mutex mutex_;  ///< Guards what follows, once units_ have calls.
-  std::condition_variable changed_;
+  runtime::Mutex mutex_;  ///< Guards what follows, once units_ have calls.
+  runtime::Condition changed_;
   Samples samples_;
-  OutputPool outputs_;
-  std::vector<std::shared_ptr<StateValue>> states_;
   std::vector<std::unique_ptr<Call>> calls_;     ///< By job.
-  std::map<std::size_t, std::uint64_t> played_;  ///< Of states_ that play: the last frame.
+  std::map<std::size_t, std::uint64_t> played_;  ///< Of states that play: the last frame.
   const Dispatcher& dispatcher_;
   VirtualTime time_;
   int computing_ = 0;

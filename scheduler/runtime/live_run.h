@@ -56,7 +56,7 @@ struct LiveOptions {
   /// the call is expected to take, see time_limit.h.
   std::optional<Nanos> time_limit = {};
   /// How often somebody wanted the run to stop: once, nothing fires any more and what has fired is
-  /// finished; twice, nothing more is waited for but the calls that run. Empty = never.
+  /// finished; twice, nothing more is waited for but the calls that units have. Empty = never.
   std::function<int()> stop = {};
   OutputSink sink;                                   ///< Empty = nobody takes them.
   std::function<void(LiveCalls)> calls;              ///< At the end; empty = nobody wants them.

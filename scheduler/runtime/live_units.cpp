@@ -23,10 +23,10 @@ constexpr Nanos kPatience = std::chrono::seconds(1);
 
 }  // namespace
 
-LiveUnits::LiveUnits(const Platform& platform, LiveUnitsOptions options, Done done)
+LiveUnits::LiveUnits(const Platform& platform, LiveUnitsOptions options, LiveDriver& driver)
     : platform_(platform),
       options_(std::move(options)),
-      done_(std::move(done)),
+      driver_(driver),
       look_every_(std::max(options_.time_limit.value_or(kLeastTimeLimit), kLeastLook)),
       returns_(platform.units.size()),
       out_of_reach_(platform.units.size()),
@@ -57,26 +57,16 @@ std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation
                 .priority = options_.priority,
                 .spin = is_elsewhere(model) ? Nanos::zero() : std::min(spin_, model.spin),
                 .keeps = options_.keeps,
-                .slice_ended = options_.slice_ended && can_suspend_calls(model)
+                .slice_ended = options_.slices && can_suspend_calls(model)
                                    ? std::function([this, unit](Call& call) {
-                                       options_.slice_ended(unit, call);
+                                       driver_.slice_ended(unit, call);
                                      })
                                    : nullptr},
-      [this, unit](Call& call, CallEnd& end) { done_(unit, call, end); });
+      [this, unit](Call& call, CallEnd& end) {
+        call.inputs.clear();  // What it shares is to be written again when nobody else has it.
+        driver_.ended(unit, call, end);
+      });
 }
-
-namespace {
-
-/// Whether it is ready by now, after a while.
-bool look_at(KernelUnit& unit) {
-  try {
-    return unit.wait_until_ready(kLookForStop);
-  } catch (const Error& error) {
-    throw Error(error.code(), "unit " + unit.name() + ": " + error.what());
-  }
-}
-
-}  // namespace
 
 std::vector<std::string> LiveUnits::wait_until_ready() {
   std::vector<std::string> remarks;
@@ -91,7 +81,7 @@ std::vector<std::string> LiveUnits::wait_until_ready() {
 }
 
 void LiveUnits::wait_until_ready(KernelUnit& unit, Nanos until) const {
-  while (!look_at(unit)) {
+  while (!unit.is_over_start(kLookForStop)) {
     if (options_.stop && options_.stop() > 0) {
       throw_environment("interrupted while unit " + unit.name() + " was being prepared");
     }
@@ -101,6 +91,11 @@ void LiveUnits::wait_until_ready(KernelUnit& unit, Nanos until) const {
           "takes it so long, or leave the unit out",
           unit.name(), to_s(kLongestStart), unit.name()));
     }
+  }
+  try {
+    unit.wait_until_ready(Nanos::zero());
+  } catch (const Error& error) {
+    throw Error(error.code(), "unit " + unit.name() + ": " + error.what());
   }
   say(unit.name() + " is ready");
 }
@@ -135,8 +130,71 @@ void LiveUnits::close(std::unique_ptr<KernelUnit> unit) {
   if (unit->abandoned() || !unit->is_over_start(kPatience)) KernelUnit::leave(std::move(unit));
 }
 
-std::vector<LiveUnits::Reach> LiveUnits::changed_reach() {
-  std::vector<Reach> changed;
+void LiveUnits::fill(UnitId unit, Call& call, const Workload& workload,
+                     std::optional<std::size_t> state, const std::optional<Recall>& recall,
+                     Nanos began) {
+  call.let_go();
+  call.workload = &workload;
+  if (!workload.outputs.empty()) {
+    call.outputs = outputs_.take(workload, units_[unit]->output_memory());
+  }
+  if (state) call.state = states_[*state];
+  call.unwanted.store(false, std::memory_order_relaxed);
+  call.wanted_until.reset();
+  if (recall && contains(recall->from, unit)) call.wanted_until = began + recall->at;
+}
+
+void LiveUnits::look_for_hung() {
+  next_overdue_ = Nanos::max();
+  for (UnitId unit = 0; unit < units_.size(); ++unit) {
+    if (units_[unit] == nullptr) continue;
+    for (const KernelUnit::Running& call : units_[unit]->running()) {
+      const auto limit = limit_of(unit, driver_.expected(unit, *call.call));
+      if (!limit) continue;
+      const Nanos ran = clock_.now() - call.since;
+      if (ran <= *limit) {
+        next_overdue_ = std::min(next_overdue_, later_by(call.since, *limit));
+      } else if (!units_[unit]->is_remote()) {
+        // Before the next unit is looked at, whose call hangs as well: what starts there meanwhile
+        // is behind that one.
+        if (const auto behind = units_[unit]->abandon(call)) {
+          give_up(unit, *call.call, ran, *behind);
+        }
+      } else if (units_[unit]->request_stop(call)) {
+        say(units_[unit]->name() + " has not answered a call in time; it is withdrawn");
+      }
+    }
+  }
+}
+
+void LiveUnits::give_up(UnitId unit, Call& call, Nanos ran, const std::vector<Call*>& behind) {
+  driver_.set_unit(unit, UnitState::kGone);
+  // What waits for it between two slices never ends either.
+  for (Call* const outer : units_[unit]->suspended()) {
+    give_up_for_good(
+        unit, *outer,
+        {.outcome = Outcome::kFailed,
+         .problem = outer->workload->name + ": left for " + call.workload->name + ", which hangs"});
+  }
+  give_up_for_good(unit, call,
+                   {.outcome = Outcome::kFailed,
+                    .busy = ran,
+                    .problem = overdue(call.workload->name, units_[unit]->name(), ran)});
+  for (Call* const each : behind) {
+    each->let_go();  // Nobody has begun with it: what it reads is to be free for others.
+    driver_.give_up(unit, *each, {.outcome = Outcome::kReturned});
+  }
+}
+
+/// What it reads and writes is its own from then on.
+void LiveUnits::give_up_for_good(UnitId unit, Call& call, CallEnd end) {
+  for (auto& state : states_) {
+    if (state == call.state) state = std::make_shared<StateValue>(*state);
+  }
+  driver_.give_up(unit, call, std::move(end));
+}
+
+void LiveUnits::look_for_reach() {
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     if (units_[unit] == nullptr || units_[unit]->abandoned()) continue;
     const bool out = !units_[unit]->is_reachable();
@@ -144,15 +202,14 @@ std::vector<LiveUnits::Reach> LiveUnits::changed_reach() {
     out_of_reach_[unit] = out ? std::optional(clock_.now()) : std::nullopt;
     say(units_[unit]->name() + (out ? " is out of reach" : " is within reach again"));
     // What runs there goes on: its reply may come all the same.
-    changed.push_back({unit, out ? UnitState::kDraining : UnitState::kUp});
+    driver_.set_unit(unit, out ? UnitState::kDraining : UnitState::kUp);
   }
-  return changed;
 }
 
 bool LiveUnits::any_may_come_back() const {
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     const auto& since = out_of_reach_[unit];
-    if (since && clock_.now() - *since < units_[unit]->patience()) return true;
+    if (since && clock_.now() - *since < units_[unit]->remote()->patience()) return true;
   }
   return false;
 }
@@ -166,7 +223,8 @@ int LiveUnits::count_returns(UnitId unit, WorkloadId workload, const CallEnd& en
   return 0;
 }
 
-std::optional<Nanos> LiveUnits::limit_of(UnitId unit, const Expectation& expected) const {
+std::optional<Nanos> LiveUnits::limit_of(UnitId unit,
+                                         const LiveDriver::Expectation& expected) const {
   if (options_.time_limit) return options_.time_limit;
   // Waiting for a link, a server or a worker is not hanging: the unit's backend ends it.
   if (units_[unit]->is_remote()) return std::nullopt;

@@ -14,6 +14,8 @@
 
 #include "characterize/platform/platform.h"
 #include "scheduler/runtime/kernel_unit.h"
+#include "scheduler/runtime/output_pool.h"
+#include "scheduler/runtime/threads.h"
 #include "scheduler/runtime/time_limit.h"
 
 namespace pirt {
@@ -34,6 +36,35 @@ class Problems {
   std::int64_t count_ = 0;
 };
 
+/// Whoever gives units their calls: the library's engine, a live mix.
+class LiveDriver {
+ public:
+  /// What a call is expected to take; where nobody says, how long it may: absent = as it likes,
+  /// unless there is a limit for all.
+  struct Expectation {
+    const Service* service = nullptr;
+    std::optional<Nanos> otherwise = {};
+  };
+
+  // From a unit's thread. They must not throw.
+
+  /// After each call, which has its inputs no more.
+  virtual void ended(UnitId unit, Call& call, CallEnd& end) = 0;
+  /// As UnitSetup.
+  virtual void slice_ended(UnitId unit, Call& call) = 0;
+
+  // From within LiveUnits' look_*.
+
+  [[nodiscard]] virtual Expectation expected(UnitId unit, const Call& call) = 0;
+  virtual void set_unit(UnitId unit, UnitState state) = 0;
+  /// The call never ends: kFailed, and it is its unit's for good; or it will not begin, on a unit
+  /// that has gone: kReturned.
+  virtual void give_up(UnitId unit, Call& call, CallEnd end) = 0;
+
+ protected:
+  ~LiveDriver() = default;
+};
+
 struct LiveUnitsOptions {
   bool prepare_first = true;
   std::optional<Nanos> time_limit = {};  ///< Of each call; absent = by what is expected of it.
@@ -44,18 +75,14 @@ struct LiveUnitsOptions {
   std::shared_ptr<const void> keeps = {};
   std::function<int()> stop = {};  ///< Whether somebody wants no start any more; empty = never.
   std::function<void(const std::string&)> progress = {};
-  /// As UnitSetup. Empty = calls are not suspended.
-  std::function<void(UnitId unit, Call& call)> slice_ended = {};
+  bool slices = false;  ///< Calls are suspended where they can be.
 };
 
-/// Threads: whoever drives them, one at a time, but for `done`.
+/// Threads: the driver's, one at a time.
 class LiveUnits {
  public:
-  using Done = std::function<void(UnitId unit, Call& call, CallEnd& end)>;
-
-  /// @param platform  Must outlive it.
-  /// @param done      Called from the unit's thread after each call; must not throw.
-  LiveUnits(const Platform& platform, LiveUnitsOptions options, Done done);
+  /// @param platform  Must outlive it, as must the driver.
+  LiveUnits(const Platform& platform, LiveUnitsOptions options, LiveDriver& driver);
   ~LiveUnits();
   LiveUnits(const LiveUnits&) = delete;
   LiveUnits& operator=(const LiveUnits&) = delete;
@@ -72,12 +99,17 @@ class LiveUnits {
 
   [[nodiscard]] bool has(UnitId unit) const { return units_[unit] != nullptr; }
   [[nodiscard]] const KernelUnit& at(UnitId unit) const { return *units_[unit]; }
+  /// A state that calls are filled with, the next one.
+  void add_state(const Workload& workload) {
+    states_.push_back(std::make_shared<StateValue>(workload));
+  }
+  [[nodiscard]] StateValue& state(std::size_t state) { return *states_[state]; }
+  /// All that a call of the workload there has, but for its inputs, and who it is to its driver.
+  /// @param recall  By the clock of whoever says when that @p began.
+  void fill(UnitId unit, Call& call, const Workload& workload, std::optional<std::size_t> state,
+            const std::optional<Recall>& recall, Nanos began);
   void run(UnitId unit, Call& call, bool let_in = false) {
-    if (let_in) {
-      units_[unit]->let_in(call);
-    } else {
-      units_[unit]->run(call);
-    }
+    let_in ? units_[unit]->let_in(call) : units_[unit]->run(call);
   }
   void go_on(UnitId unit) { units_[unit]->go_on(); }
   bool request_stop(UnitId unit, Call& call) { return units_[unit]->request_stop(call); }
@@ -93,68 +125,24 @@ class LiveUnits {
   /// The end of it.
   static void close(std::unique_ptr<KernelUnit> unit);
 
-  /// A call that does not end. Its unit is abandoned: nothing is heard of its calls any more. One
-  /// that does not end elsewhere is withdrawn, and its unit stays in service.
-  struct Hung {
-    UnitId unit = 0;
-    std::uint64_t token = 0;
-    std::vector<std::uint64_t> behind;     ///< Of the calls that waited behind it,
-    std::vector<std::uint64_t> suspended;  ///< and of those that it was let into: they never end.
-    Nanos ran{0};
-  };
-  /// What a call is expected to take; where nobody says, how long it may: absent = as it likes,
-  /// unless there is a limit for all.
-  struct Expectation {
-    const Service* service = nullptr;
-    std::optional<Nanos> otherwise = {};
-  };
-  /// @param expected  Expectation(UnitId, std::uint64_t token).
-  template <typename Expected>
-  [[nodiscard]] std::vector<Hung> abandon_hung(const Expected& expected) {
-    std::vector<Hung> hung;
-    next_overdue_ = Nanos::max();
-    for (UnitId unit = 0; unit < units_.size(); ++unit) {
-      if (units_[unit] == nullptr) continue;
-      for (const KernelUnit::Running& call : units_[unit]->running()) {
-        const auto limit = limit_of(unit, expected(unit, call.token));
-        const Nanos ran = clock_.now() - call.since;
-        if (limit && ran <= *limit) {
-          next_overdue_ = std::min(next_overdue_, later_by(call.since, *limit));
-        }
-        if (!limit || ran <= *limit) continue;
-        if (units_[unit]->is_remote()) {
-          if (units_[unit]->request_stop(call)) {
-            say(units_[unit]->name() + " has not answered a call in time; it is withdrawn");
-          }
-          continue;
-        }
-        auto behind = units_[unit]->abandon(call);
-        if (behind) {
-          hung.push_back({unit, call.token, *std::move(behind), units_[unit]->suspended(), ran});
-        }
-      }
-    }
-    return hung;
-  }
-
-  /// When the first of the calls that ran then will have run too long; by MachineClock.
+  /// Calls that do not end: their units are abandoned, and nothing is heard of their calls any
+  /// more; a state that one has is as it was before it. One that does not end elsewhere is
+  /// withdrawn, and its unit stays in service.
+  void look_for_hung();
+  /// When the first of the calls that ran then will have run too long; by LiveClock.
   [[nodiscard]] Nanos next_overdue() const { return next_overdue_; }
   /// So often calls that run are to be looked at: no call may take less; and what is elsewhere may
   /// get out of reach at any time.
   [[nodiscard]] Nanos look_every() const { return look_every_; }
 
-  /// A unit whose device is out of reach, or within it again, since this was asked last.
-  struct Reach {
-    UnitId unit = 0;
-    UnitState state = UnitState::kUp;
-  };
-  [[nodiscard]] std::vector<Reach> changed_reach();
+  /// Units whose device is out of reach, or within it again, since this was asked last.
+  void look_for_reach();
   /// By then.
   [[nodiscard]] bool any_out_of_reach() const {
     return std::ranges::any_of(out_of_reach_, [](const auto& since) { return since.has_value(); });
   }
-  /// Units that were out of reach when that was asked last, and have not been for so long that a
-  /// call that waits there would have ended.
+  /// Units that were out of reach when that was looked for last, and have not been for so long that
+  /// a call that waits there would have ended.
   [[nodiscard]] bool any_may_come_back() const;
 
   /// Hears how each call ended. How often calls of the workload have now been given back by the
@@ -168,20 +156,25 @@ class LiveUnits {
   [[nodiscard]] std::unique_ptr<KernelUnit> make(UnitId unit,
                                                  std::vector<Preparation> preparations);
   void wait_until_ready(KernelUnit& unit, Nanos until) const;
-  [[nodiscard]] std::optional<Nanos> limit_of(UnitId unit, const Expectation& expected) const;
+  [[nodiscard]] std::optional<Nanos> limit_of(UnitId unit,
+                                              const LiveDriver::Expectation& expected) const;
+  void give_up(UnitId unit, Call& call, Nanos ran, const std::vector<Call*>& behind);
+  void give_up_for_good(UnitId unit, Call& call, CallEnd end);
   void say(const std::string& line) const {
     if (options_.progress) options_.progress(line);
   }
 
   const Platform& platform_;
   LiveUnitsOptions options_;
-  Done done_;
-  MachineClock clock_;
+  LiveDriver& driver_;
+  runtime::LiveClock clock_;
+  OutputPool outputs_;
+  std::vector<std::shared_ptr<StateValue>> states_;
   Nanos spin_{0};  ///< Of units that compute here.
   Nanos look_every_{0};
   Nanos next_overdue_ = Nanos::max();
   std::vector<std::map<WorkloadId, int>> returns_;  ///< By unit; of those that gave any back.
-  std::vector<std::optional<Nanos>> out_of_reach_;  ///< By unit, as changed_reach() told it: since.
+  std::vector<std::optional<Nanos>> out_of_reach_;  ///< By unit, as the driver was told: since.
   std::vector<std::unique_ptr<KernelUnit>> units_;  ///< Last: their threads use all of it.
 };
 

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "scheduler/runtime/threads.h"
 #include "workloads/model/tensor.h"
 #include "workloads/model/workload.h"
 
@@ -66,7 +67,7 @@ class OutputPool {
 
    private:
     static constexpr std::size_t kMost = 64;  ///< Of a workload: what a burst took is given back.
-    std::mutex mutex_;
+    runtime::Mutex mutex_;
     std::map<Key, std::vector<std::unique_ptr<std::vector<Tensor>>>> sets_;
   };
   std::shared_ptr<Free> free_ = std::make_shared<Free>();

@@ -1,14 +1,14 @@
 // How many tasks have not ended, and who waits until there are fewer.
 #pragma once
 
-#include <atomic>
-#include <condition_variable>
 #include <cstddef>
-#include <mutex>
+#include <cstdint>
+
+#include "scheduler/runtime/bell.h"
 
 namespace pirt::runtime {
 
-/// Any thread may call it. Who leaves wakes only where somebody waits.
+/// Any thread may call it.
 class Room {
  public:
   /// @param most  Tasks, at least 1. Who finds as many goes on when a quarter of them has ended.
@@ -25,44 +25,27 @@ class Room {
   void enter() { tasks_.fetch_add(1); }
   void leave() {
     const std::size_t remaining = tasks_.fetch_sub(1) - 1;
-    if ((remaining <= resume_at_ && waiting_for_room_ > 0) || (remaining == 0 && waiting_ > 0))
-      notify();
+    if (remaining <= resume_at_) for_room_.ring(INT32_MAX);
+    if (remaining == 0) look_again();
   }
 
   void wait_for_room() {
-    wait(waiting_for_room_, [this] { return tasks_ <= resume_at_; });
+    for_room_.sleep_until([this] { return tasks_ <= resume_at_; });
   }
   void wait_until_empty() {
-    wait(waiting_, [this] { return tasks_ == 0; });
+    wait_until([this] { return tasks_ == 0; });
   }
   /// Until something else has come, of which look_again tells.
   template <typename Done>
   void wait_until(const Done& done) {
-    wait(waiting_, done);
+    for_others_.sleep_until(done);
   }
-  void look_again() {
-    if (waiting_ > 0) notify();
-  }
+  void look_again() { for_others_.ring(INT32_MAX); }
 
  private:
-  template <typename Done>
-  void wait(std::atomic<int>& waiting, const Done& done) {
-    std::unique_lock lock(mutex_);
-    ++waiting;
-    fewer_.wait(lock, done);
-    --waiting;
-  }
-  void notify() {
-    const std::lock_guard lock(mutex_);
-    fewer_.notify_all();
-  }
-
   const std::size_t most_, resume_at_;
-  std::atomic<std::size_t> tasks_ = 0;
-  std::atomic<int> waiting_ = 0;           ///< For the end of all tasks, or for something else.
-  std::atomic<int> waiting_for_room_ = 0;  ///< To submit.
-  std::mutex mutex_;
-  std::condition_variable fewer_;
+  Atomic<std::size_t> tasks_ = 0;
+  Bell for_room_, for_others_;
 };
 
 }  // namespace pirt::runtime

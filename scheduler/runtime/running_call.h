@@ -2,12 +2,16 @@
 // up, as long as it runs, and never to another that follows it.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <mutex>
 #include <optional>
 
+#include "scheduler/runtime/threads.h"
 #include "workloads/base/time.h"
+
+namespace pirt {
+struct Call;
+}
 
 namespace pirt::runtime {
 
@@ -16,15 +20,15 @@ namespace pirt::runtime {
 class RunningCall {
  public:
   struct Seen {
-    std::uint64_t token = 0;   ///< The caller's.
-    Nanos since{0};            ///< By MachineClock.
+    Call* call = nullptr;
+    Nanos since{0};            ///< By LiveClock.
     std::uint64_t number = 0;  ///< Of this call among all of the thread.
   };
 
-  /// From here on others see it: what they leave before they look for it, in the one order of all
-  /// (seq_cst), its thread finds after this.
-  void begin(std::uint64_t token, Nanos since) {
-    token_.store(token, std::memory_order_release);
+  /// From here on others see it. store(state) -> load(unwanted) of its thread, seq_cst; pairs with
+  /// exchange(unwanted) -> load(state) of KernelUnit::request_stop: one of the two sees the other.
+  void begin(Call& call, Nanos since) {
+    call_.store(&call, std::memory_order_release);
     since_.store(since.count(), std::memory_order_release);
     state_.store(++number_ << kBits | kRuns);
   }
@@ -45,7 +49,7 @@ class RunningCall {
       const std::uint64_t state = state_.load();
       if (!is_under_way(state)) return std::nullopt;
       // What is of a later call was written after this one had ended, which shows below.
-      const Seen seen{token_.load(std::memory_order_acquire),
+      const Seen seen{call_.load(std::memory_order_acquire),
                       Nanos(since_.load(std::memory_order_acquire)), state >> kBits};
       const std::uint64_t now = state_.load(std::memory_order_acquire);
       if (is_under_way(now) && now >> kBits == seen.number) return seen;
@@ -80,11 +84,11 @@ class RunningCall {
     return state_.compare_exchange_strong(runs, number << kBits | to);
   }
 
-  std::atomic<std::uint64_t> state_ = kOver;  ///< Number of the call, and how it stands.
-  std::atomic<std::uint64_t> token_ = 0;
-  std::atomic<std::int64_t> since_ = 0;
+  Atomic<std::uint64_t> state_ = kOver;  ///< Number of the call, and how it stands.
+  Atomic<Call*> call_ = nullptr;
+  Atomic<std::int64_t> since_ = 0;
   std::uint64_t number_ = 0;  ///< The thread's.
-  std::mutex mutex_;          ///< Who does something holds it, so that the end can wait.
+  Mutex mutex_;               ///< Who does something holds it, so that the end can wait.
 };
 
 }  // namespace pirt::runtime

@@ -41,7 +41,7 @@ TaskEnd TaskFuture::wait() const {
 std::optional<TaskEnd> TaskFuture::wait_for(Nanos most) const {
   if (runtime::MustNotWait::here() && end()) return end();
   if (!task().told.is_set()) runtime::MustNotWait::check("wait_for()");
-  return task_->told.wait_for(most, MachineClock()) ? end() : std::nullopt;
+  return task_->told.wait_for(most) ? end() : std::nullopt;
 }
 
 std::span<const Tensor> TaskFuture::get() const& {

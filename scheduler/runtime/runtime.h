@@ -203,7 +203,8 @@ struct RuntimeOptions {
   std::size_t most_tasks = 65'536;
   /// A call that takes longer puts its unit out of service for good. Absent = 50 times what it is
   /// expected to take, and at least 5 s; 10 s of an own function that does not say what it expects
-  /// of the unit (`progress` hears of that); never of the catalog's without a profile.
+  /// of the unit (`progress` hears of that); never of the catalog's without a profile. A unit
+  /// elsewhere stays in service: its call is withdrawn, and waited for.
   std::optional<Nanos> time_limit = {};
   /// Tasks with a nearer deadline are let in between two slices of a call, where it says that it
   /// can be suspended: some of the catalog's do (WorkloadSpec::slices), and an own function may by

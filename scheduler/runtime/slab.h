@@ -4,12 +4,13 @@
 #pragma once
 
 #include <array>
-#include <atomic>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <mutex>
+
+#include "scheduler/runtime/threads.h"
 
 namespace pirt::runtime {
 
@@ -20,7 +21,7 @@ class Slab {
   struct Place {
     Slab* slab = nullptr;
     std::uint32_t index = 0;
-    std::atomic<std::uint32_t> next_free = 0;
+    Atomic<std::uint32_t> next_free = 0;
   };
 
   /// Of an owner, who says when it goes by close().
@@ -124,11 +125,11 @@ class Slab {
     return records[0];
   }
 
-  std::atomic<std::uint64_t> head_ = std::uint64_t{kNone} << 32;
-  std::array<std::atomic<Record*>, kChunks> chunks_ = {};
-  std::mutex growing_;
-  std::uint32_t made_ = 0;             ///< Records, with growing_.
-  std::atomic<std::int64_t> out_ = 0;  ///< Since it was closed: those that are to come back.
+  Atomic<std::uint64_t> head_ = std::uint64_t{kNone} << 32;
+  std::array<Atomic<Record*>, kChunks> chunks_ = {};
+  Mutex growing_;
+  std::uint32_t made_ = 0;        ///< Records, with growing_.
+  Atomic<std::int64_t> out_ = 0;  ///< Since it was closed: those that are to come back.
 };
 
 }  // namespace pirt::runtime

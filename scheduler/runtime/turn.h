@@ -1,9 +1,12 @@
 // Whose turn it is: one thread at a time is within; who only leaves something never waits for it.
+// exchange(state) -> load(what was left) of who gives it back, seq_cst; pairs with leave something
+// -> try_take: who finds it taken is found. A std::mutex promises nothing of the kind.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <utility>
+
+#include "scheduler/runtime/threads.h"
 
 namespace pirt::runtime {
 
@@ -46,7 +49,7 @@ class Turn {
   void give_back() {
     if (state_.exchange(kFree) == kAwaited) state_.notify_one();
   }
-  std::atomic<std::uint32_t> state_ = kFree;
+  Atomic<std::uint32_t> state_ = kFree;
 };
 
 }  // namespace pirt::runtime

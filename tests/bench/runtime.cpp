@@ -20,7 +20,7 @@
 #include <thread>
 #include <vector>
 
-#include "scheduler/runtime/futex.h"
+#include "scheduler/runtime/threads.h"
 #include "tests/bench/peers/tasks.h"
 
 namespace {

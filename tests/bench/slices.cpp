@@ -12,8 +12,8 @@
 #include <cstdlib>
 #include <vector>
 
-#include "scheduler/runtime/handover.h"
 #include "scheduler/runtime/runtime.h"
+#include "scheduler/unit_times/handover.h"
 
 namespace {
 

@@ -107,7 +107,8 @@ TEST(SourceTree, RoomsIncludeThoseBeforeThem) {
        "characterize/doctor", "characterize/duet", "characterize/tune"},
       {"scheduler/mix", "scheduler/services", "scheduler/planner", "scheduler/policies",
        "scheduler/dispatcher", "scheduler/record", "scheduler/trace", "scheduler/virtual",
-       "scheduler/runtime", "scheduler/robot", "scheduler/bounds", "scheduler/budget", "scheduler"},
+       "scheduler/runtime", "scheduler/unit_times", "scheduler/robot", "scheduler/bounds",
+       "scheduler/budget", "scheduler"},
       {"reports/document", "reports/profile", "reports/run", "reports/paper", "reports/export",
        "reports/gate", "reports/history", "reports/tools", "reports"},
       {"cli/options", "cli/guide", "cli", "cli/commands/measure", "cli/commands/schedule",
@@ -233,6 +234,25 @@ TEST(SourceTree, ThreadsAreStartedInOnePlace) {
     }
   }
   EXPECT_GT(lines, 10'000) << "the scan found too little to mean anything";
+}
+
+// Elsewhere a simulated run (tests/scheduler/simulation) would not see it.
+TEST(SourceTree, ThreadsOfLiveRunsMeetByOneHeader) {
+  const std::regex way(
+      R"(std::(recursive_|shared_|timed_)*mutex|std::atomic|std::condition_variable|)"
+      R"(std::(counting_|binary_)*semaphore|std::latch|std::barrier|std::j?thread|)"
+      R"(std::this_thread|_clock::now|MachineClock|SYS_futex)");
+  int lines = 0;
+  const auto room = fs::path(kSourceFolder) / "scheduler" / "runtime";
+  for (const auto& entry : fs::directory_iterator(room)) {
+    if (entry.path().filename() == "threads.h") continue;
+    std::ifstream in(entry.path());
+    for (std::string line; std::getline(in, line); ++lines) {
+      const std::string code = line.substr(0, line.find("//"));
+      EXPECT_FALSE(std::regex_search(code, way)) << entry.path() << ": " << line;
+    }
+  }
+  EXPECT_GT(lines, 2'000) << "the scan found too little to mean anything";
 }
 
 TEST(SourceTree, TopLevelHoldsOnlyWhatIsMandated) {

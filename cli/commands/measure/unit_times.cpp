@@ -4,8 +4,8 @@
 
 #include "characterize/platform/platform.h"
 #include "characterize/worker/reread.h"
-#include "scheduler/runtime/handover.h"
-#include "scheduler/runtime/leave.h"
+#include "scheduler/unit_times/handover.h"
+#include "scheduler/unit_times/leave.h"
 #include "workloads/base/system/caches.h"
 
 namespace pirt::cli {

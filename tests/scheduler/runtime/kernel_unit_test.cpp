@@ -166,7 +166,7 @@ TEST_F(KernelUnitElsewhere, HasAsManyCallsUnderWayAsLanes) {
   for (std::uint64_t token = 1; token <= 5; ++token) unit->run(call(token));
   ASSERT_TRUE(wait_for_under_way(3));
   EXPECT_EQ(unit->running().size(), 3U);
-  EXPECT_EQ(unit->link().value().round_trip, from_ms(3));
+  EXPECT_EQ(unit->remote()->link().round_trip, from_ms(3));
   there_.change([this] { there_.answers = true; });
   for (std::uint64_t token = 1; token <= 5; ++token) {
     ASSERT_TRUE(wait_for_end(token));

@@ -1,6 +1,6 @@
 // A trace that another thread writes is the one that is written on the spot, however far that
 // thread is behind; and one can be read wherever it ends.
-#include "scheduler/trace/trace_thread.h"
+#include "scheduler/runtime/trace_thread.h"
 
 #include <filesystem>
 #include <nlohmann/json.hpp>

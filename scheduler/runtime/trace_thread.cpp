@@ -1,4 +1,4 @@
-#include "scheduler/trace/trace_thread.h"
+#include "scheduler/runtime/trace_thread.h"
 
 #include <chrono>
 #include <utility>
@@ -85,7 +85,7 @@ class TraceThread::Teller {
 };
 
 TraceThread::TraceThread(TraceWriter& writer)
-    : writer_(writer), thread_(start_thread([this] { write(); })) {}
+    : writer_(writer), thread_(runtime::start_thread([this] { write(); })) {}
 
 TraceThread::~TraceThread() { stop(); }
 
@@ -182,7 +182,7 @@ void TraceThread::settled(Nanos now, std::span<const int> waiting) {
 }
 
 /// The mutex, once there is room for another event.
-std::unique_lock<std::mutex> TraceThread::room() {
+std::unique_lock<runtime::Mutex> TraceThread::room() {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [this] { return filling_.events.size() < kMost; });
   return lock;

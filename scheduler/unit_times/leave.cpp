@@ -1,4 +1,4 @@
-#include "scheduler/runtime/leave.h"
+#include "scheduler/unit_times/leave.h"
 
 #include <span>
 #include <utility>

@@ -6,13 +6,12 @@
 // is more than some thousands of events ahead of the writer waits for it.
 #pragma once
 
-#include <condition_variable>
 #include <exception>
 #include <mutex>
-#include <thread>
 #include <variant>
 #include <vector>
 
+#include "scheduler/runtime/threads.h"
 #include "scheduler/trace/trace_writer.h"
 
 namespace pirt {
@@ -86,18 +85,18 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
   };
   class Teller;
 
-  [[nodiscard]] std::unique_lock<std::mutex> room();
+  [[nodiscard]] std::unique_lock<runtime::Mutex> room();
   void add(const Event& event);
   void write();
   void stop();
 
   TraceWriter& writer_;
   std::exception_ptr failure_;  ///< Of the thread until it is joined.
-  std::mutex mutex_;
-  std::condition_variable changed_;
+  runtime::Mutex mutex_;
+  runtime::Condition changed_;
   Batch filling_;
   bool stopping_ = false;
-  std::jthread thread_;  ///< Last: it uses all of it.
+  runtime::Thread thread_;  ///< Last: it uses all of it.
 };
 
 }  // namespace pirt

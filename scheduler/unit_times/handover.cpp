@@ -1,4 +1,4 @@
-#include "scheduler/runtime/handover.h"
+#include "scheduler/unit_times/handover.h"
 
 #include <array>
 #include <condition_variable>
