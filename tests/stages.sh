@@ -28,6 +28,7 @@ stage kills "$all" "$base" "500 kills of pirt characterize, by seed range" long_
 stage database "${code[characterize]}" "$base" "500 kills of a writer of a database, 10,000 flipped bits, cuts, by seed range" long_test database
 stage slam "${code[workloads]}" "$base" "localization and maps on sequences of a minute, by seed" long_test '(slam|keyframes)'
 stage cloud "${code[workloads]}" "$base" "robots, workers and a server: 200 faults over loopback, 100,000 in virtual time, a hostile robot" long_test cloud
+stage live-simulation "${code[scheduler]}" "$base patch" "100,000 live runs on threads that a seed hands on; faults that there were are found again" live_simulation
 stage oclgrind "${code[workloads]} tests/oclgrind.sh" "$base oclgrind" "each OpenCL kernel on a simulated device: races, values nobody wrote" long_test oclgrind
 stage rusticl "${code[workloads]}" "$base mesa-opencl-icd" "every workload's OpenCL kernels on Mesa's driver" long_test rusticl
 stage recordings "$all" "$base python3-numpy python3-opencv" "recordings, maps and models as others make them: ../shared/cases/recordings" check_recordings
@@ -102,6 +103,11 @@ tidy_keys() {
 long_test() {
   build_pirt build -DPIRT_TESTS=ON
   run_left build -C long -R "^long\.$1"
+}
+
+live_simulation() {
+  long_test simulation
+  tests/scheduler/simulation/faults.sh build/faults
 }
 
 check_recordings() {
