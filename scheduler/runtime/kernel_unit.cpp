@@ -425,11 +425,12 @@ std::uint64_t KernelUnit::compute(Lane& lane, Prepared& prepared, Call& call, Ca
   kernel.bind(call.inputs, outputs_of(call));
   const Unbinding unbinding{kernel};
   // What is under way elsewhere can be taken back.
-  const auto withdraw = [&] { remote_.load()->withdraw(kernel); };
+  Remote* const remote = remote_;
+  const auto withdraw = [&] { remote->withdraw(kernel); };
   std::optional<std::stop_callback<decltype(withdraw)>> withdrawn;
-  if (is_remote()) withdrawn.emplace(lane.stop.get_token(), withdraw);
-  if (is_remote() && call.wanted_until) {
-    remote_.load()->expires_in(kernel, *call.wanted_until - clock_.now());
+  if (remote != nullptr) withdrawn.emplace(lane.stop.get_token(), withdraw);
+  if (remote != nullptr && call.wanted_until) {
+    remote->expires_in(kernel, *call.wanted_until - clock_.now());
   }
   if (call.state != nullptr) {
     kernel.bind_state(call.state->committed(), call.state->next());

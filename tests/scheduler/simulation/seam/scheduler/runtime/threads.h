@@ -1,6 +1,7 @@
 // What scheduler/runtime/threads.h is where the runtime is simulated: the same names, each of whose
 // operations is a place where the world may hand on to another thread. What may happen at any time
-// does now and then: waking up for no reason, a weak exchange that fails.
+// does now and then: waking up for no reason, a weak exchange that fails. What a std::stop_callback
+// calls must make none of these steps: its end would wait for it outside of the world.
 #pragma once
 
 #include <atomic>
