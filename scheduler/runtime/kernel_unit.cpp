@@ -9,12 +9,12 @@
 #include "workloads/base/error.h"
 #include "workloads/base/system/pause.h"
 #include "workloads/base/system/thread.h"
+#include "workloads/model/slices.h"
 
 namespace pirt {
 namespace {
 
 /// Of the lane whose thread this is.
-thread_local const std::stop_source* stop_here = nullptr;
 thread_local void* lane_here = nullptr;
 
 std::span<Tensor> outputs_of(const Call& call) {
@@ -133,10 +133,6 @@ bool KernelUnit::request_stop(Call& call) {
   return is_news;
 }
 
-std::stop_token KernelUnit::stop_of_this_call() {
-  return stop_here != nullptr ? stop_here->get_token() : std::stop_token();
-}
-
 /// Null: nothing runs any more.
 Call* KernelUnit::wait_for_call(Lane& lane) {
   while (!stopping_) {
@@ -197,7 +193,7 @@ void KernelUnit::serve() {
   name_thread(name());
   take_class_of_process();
   for (Lane& lane : lanes_) lane.unit = this;
-  stop_here = &lanes_.front().stop;
+  tell_stop_of_call(&lanes_.front().stop);
   std::vector<runtime::Thread> others;
   try {
     set_up();
@@ -224,7 +220,7 @@ void KernelUnit::serve() {
 
 /// False if a call was given up.
 bool KernelUnit::serve_calls(Lane& lane) {
-  stop_here = &lane.stop;
+  tell_stop_of_call(&lane.stop);
   lane_here = &lane;
   while (Call* const call = wait_for_call(lane)) {
     CallEnd end;

@@ -123,8 +123,6 @@ class KernelUnit {
   /// @param call  That it was given and that is not done, or one that runs.
   bool request_stop(Call& call);
   bool request_stop(const Running& call);
-  /// Of the call that the calling thread runs; elsewhere one that never stops.
-  [[nodiscard]] static std::stop_token stop_of_this_call();
   [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
   /// What it computes on, once it is ready; null = only functions run there.
   [[nodiscard]] const DeviceInfo* device() const { return device_info_ ? &*device_info_ : nullptr; }

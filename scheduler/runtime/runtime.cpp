@@ -8,6 +8,7 @@
 #include "scheduler/runtime/engine.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/own_list.h"
+#include "workloads/model/slices.h"
 #include "workloads/own/own.h"
 
 namespace pirt {
@@ -64,7 +65,7 @@ Nanos TaskFuture::waited() const {
 }
 std::string TaskFuture::problem() const { return end() ? task_->problem : ""; }
 
-std::stop_token stop_of_this_call() { return KernelUnit::stop_of_this_call(); }
+std::stop_token stop_of_this_call() { return stop_of_call(); }
 
 Runtime::Runtime(RuntimeOptions options) {
   for (const std::string& file : options.files) {

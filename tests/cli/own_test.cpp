@@ -100,6 +100,24 @@ TEST_F(Own, AWorkloadFileHasKernelsAndPrograms) {
   EXPECT_THAT(listed.out, AllOf(HasSubstr("my.threshold"), HasSubstr("cloud f32[1000,3]")));
 }
 
+TEST_F(Own, IsHeldAgainstAnother) {
+  const auto regress = [this](const std::string& pair, std::vector<std::string> more) {
+    std::vector<std::string> words = {
+        "regress", "--as", pair,       "--workloads",           kHostileModule,
+        "--work",  "2ms",  "--ledger", scratch_.file("ledger"), "--max-time",
+        "2s"};
+    words.insert(words.end(), more.begin(), more.end());
+    return pirt(words);
+  };
+  // Two seconds decide nothing; what is compared is said.
+  const auto outcome = regress("bad.good=bad.prints", {"--units", "cpu"});
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
+  EXPECT_THAT(outcome.out,
+              AllOf(HasSubstr("--workload bad.good"), HasSubstr("--workload bad.prints")));
+  expect_refused(regress("bad.good", {"--units", "cpu"}), {"CANDIDATE=BASELINE"});
+  expect_refused(regress("bad.good=bad.prints", {}), {"--units"});
+}
+
 TEST_F(Own, FilesThatAreNoneAreNamed) {
   const std::string text = scratch_.write("none.yaml", "workloads:\n  - {name: nodot}\n");
   expect_refused(characterize(text, ""), {"none.yaml:2"});

@@ -20,6 +20,7 @@
 #include "reports/gate/pooling.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/shell.h"
 
 namespace pirt::cli {
 namespace {
@@ -103,7 +104,40 @@ int regress_tables(const RegressOptions& options) {
   return emit_report(compare(options), options);
 }
 
+/// Two workloads are two commands: fresh processes of this program that sample them.
+RegressOptions as_commands(RegressOptions options) {
+  const auto equals = options.as.find('=');
+  if (equals == std::string::npos || equals == 0 || equals + 1 == options.as.size()) {
+    throw_bad_input("--as '" + options.as +
+                    "' is not CANDIDATE=BASELINE, two workloads, such as mine.sobel=sobel");
+  }
+  if (options.units.size() != 1) {
+    throw_bad_input("--as compares two workloads on one unit; give it with --units");
+  }
+  const auto sampling = [&options](const std::string& workload) {
+    std::string command = path_in_shell(std::filesystem::read_symlink("/proc/self/exe").string()) +
+                          " sample --workload " + in_shell(workload) + " --unit " +
+                          in_shell(options.units.front()) + " --seed " +
+                          std::to_string(options.seed) + " --work " + in_shell(options.work);
+    for (const std::string& file : options.own.all()) {
+      command += " --workloads " + path_in_shell(file);
+    }
+    if (!options.platform.empty()) {
+      command += " --platform " +
+                 (names_a_file(options.platform)
+                      ? path_in_shell(std::filesystem::absolute(options.platform).string())
+                      : in_shell(options.platform));
+    }
+    return command;
+  };
+  options.candidate_command = sampling(options.as.substr(0, equals));
+  options.baseline_command = sampling(options.as.substr(equals + 1));
+  options.reads = "pirt";
+  return options;
+}
+
 int regress(const RegressOptions& options) {
+  if (!options.as.empty()) return regress_commands(as_commands(options));
   if (!options.baseline_command.empty()) return regress_commands(options);
   if (!options.baseline_program.empty()) return regress_programs(options);
   return regress_tables(options);
@@ -119,6 +153,11 @@ void keep_apart(const Command& command, const Option& profiles) {
     option(("--baseline-" + of).c_str()).excludes(profiles);
   }
   option("--baseline-program").excludes(option("--baseline-command"));
+  for (const auto* name : {"--baseline-command", "--baseline-program", "--filter", "--cold"}) {
+    option("--as").excludes(option(name));
+  }
+  option("--as").excludes(profiles);
+  option("--workloads").needs(option("--as"));
   for (const auto* name : {"--setup-command", "--reads", "--warm-up"}) {
     option(name).needs(option("--baseline-command"));
   }
@@ -162,6 +201,9 @@ void add_regress(CLI::App& app, Action& action) {
            "shell; fresh processes of both, in turns");
   add_text(command, "--candidate-command", &options->candidate_command, "COMMAND",
            "The command that must not be slower");
+  add_text(command, "--as", &options->as, "CANDIDATE=BASELINE",
+           "Two workloads to compare, on the unit of --units: mine.sobel=sobel");
+  add_workloads(command, options->own);
   std::vector<std::string> readers;
   for (const OutputReader& reader : output_readers()) readers.emplace_back(reader.name);
   add_choice(

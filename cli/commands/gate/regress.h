@@ -10,6 +10,7 @@
 
 #include "characterize/duet/duet.h"
 #include "cli/options/output.h"
+#include "cli/options/own.h"
 #include "reports/gate/gate_report.h"
 
 namespace pirt::cli {
@@ -18,6 +19,8 @@ struct RegressOptions {
   std::vector<std::string> files;  ///< Two stored profiles.
   std::string baseline_program, candidate_program;
   std::string baseline_command, candidate_command, setup_command;
+  std::string as;  ///< "CANDIDATE=BASELINE", two workloads.
+  OwnFiles own;
   std::string reads = "time";
   int warm_up = 1;
 

@@ -135,18 +135,18 @@ TEST(LiveSlices, WhatIsLeftCanBeCancelledAndHearsOfItWhenItGoesOn) {
   std::atomic<bool> before = true, after = false, inner = true;
   Runtime runtime(options_with({own("long",
                                     [&] {
-                                      const std::stop_token stop = KernelUnit::stop_of_this_call();
+                                      const std::stop_token stop = stop_of_call();
                                       before = stop.stop_requested();
                                       begun.count_down();
                                       submitted.wait();
                                       between_slices();
-                                      after = stop.stop_requested() &&
-                                              KernelUnit::stop_of_this_call().stop_requested();
+                                      after =
+                                          stop.stop_requested() && stop_of_call().stop_requested();
                                     }),
                                 own("short", [&] {
                                   let_in.count_down();
                                   cancelled.wait();
-                                  inner = KernelUnit::stop_of_this_call().stop_requested();
+                                  inner = stop_of_call().stop_requested();
                                 })}));
   const auto task = runtime.submit("long", {}, {});
   begun.wait();
