@@ -1,4 +1,6 @@
 // Starting a runtime: its workloads, what they cost, and its units.
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <limits>
 #include <map>
