@@ -60,18 +60,18 @@ double run_sort(double work) {
 }
 
 double run_chase(double work) {
-  std::vector<std::uint32_t> next(1U << 21U);
+  std::vector<std::uint32_t> next(1U << 18U);  // so that filling it takes next to nothing
   std::iota(next.begin(), next.end(), 0U);
   Random random(1);
   for (std::size_t i = next.size() - 1; i > 0; --i) std::swap(next[i], next[random.below(i)]);
   std::uint32_t at = 0;
-  for (std::size_t i = 0; i < scaled_count(1'000'000, work); ++i) at = next[at];
+  for (std::size_t i = 0; i < scaled_count(20'000'000, work); ++i) at = next[at];
   return at;
 }
 
 double run_text(double work) {
   std::map<std::string, int> words;
-  for (std::size_t i = 0; i < scaled_count(150'000, work); ++i) {
+  for (std::size_t i = 0; i < scaled_count(600'000, work); ++i) {
     ++words["word " + std::to_string(i * 7919 % 5003)];
   }
   return static_cast<double>(words.size());
@@ -80,7 +80,7 @@ double run_text(double work) {
 double run_matrix(double work) {
   constexpr std::size_t kSize = 200;
   std::vector<double> a(kSize * kSize, 1.5), b(kSize * kSize, 0.5), c(kSize * kSize);
-  for (std::size_t round = 0; round < scaled_count(20, work); ++round) {
+  for (std::size_t round = 0; round < scaled_count(100, work); ++round) {
     for (std::size_t i = 0; i < kSize; ++i) {
       for (std::size_t k = 0; k < kSize; ++k) {
         for (std::size_t j = 0; j < kSize; ++j)
