@@ -1,6 +1,7 @@
 // Reading a bag of ROS 1 by its index. Of a chunk that is not compressed only the message is read.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cstring>
 #include <map>
 
@@ -43,19 +44,19 @@ class Bag final : public Recording {
   }
 
  private:
-  [[nodiscard]] std::string load(const Topic::Place& place) const override {
+  [[nodiscard]] std::string load(const Topic::Place& place, std::uint64_t most) const override {
     const Chunk& chunk = chunks_[place.at];
     if (chunk.compression == "none") {
       const Record record = read_record(chunk.data_at + place.part);
       check_message(record);
-      return bytes_.read(record.data_at, record.data_size);
+      return bytes_.read(record.data_at, std::min<std::uint64_t>(record.data_size, most));
     }
     const auto content = unpacked_.get(place.at, [&] {
       return unpack(chunk.compression, bytes_.read(chunk.data_at, chunk.packed), chunk.size, file_);
     });
     const Record record = parse_record(*content, place.part);
     check_message(record);
-    return content->substr(record.data_at, record.data_size);
+    return content->substr(record.data_at, std::min<std::uint64_t>(record.data_size, most));
   }
 
   void check_message(const Record& record) const {
@@ -172,7 +173,7 @@ class Bag final : public Recording {
                 .size = value<std::uint32_t>(record.head, "size"),
                 .compression = at(record.head, "compression")};
     check_compression(chunk.compression, file_);
-    if (chunk.size > kMostChunkBytes) fail("is damaged: a chunk has no end");
+    if (chunk.size > kMostChunkBytes) fail("is damaged: a chunk is larger than 96 MiB");
     std::uint64_t next = record.end();
     for (std::uint32_t i = 0; i < indices; ++i) {
       const Record index = read_record(next);

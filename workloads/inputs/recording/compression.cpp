@@ -86,7 +86,45 @@ bool unpack_zstd(const Read& read, const Write& write) {
 }
 #endif
 
+#ifdef PIRT_LZ4
+std::string pack_lz4(std::string_view bytes) {
+  std::string packed(LZ4F_compressFrameBound(bytes.size(), nullptr), '\0');
+  packed.resize(
+      LZ4F_compressFrame(packed.data(), packed.size(), bytes.data(), bytes.size(), nullptr));
+  return packed;
+}
+#endif
+
+#ifdef PIRT_ZSTD
+std::string pack_zstd(std::string_view bytes) {
+  std::string packed(ZSTD_compressBound(bytes.size()), '\0');
+  packed.resize(ZSTD_compress(packed.data(), packed.size(), bytes.data(), bytes.size(), 0));
+  return packed;
+}
+#endif
+
 }  // namespace
+
+std::string_view best_compression() {
+#if defined PIRT_ZSTD
+  return "zstd";
+#elif defined PIRT_LZ4
+  return "lz4";
+#else
+  return "none";
+#endif
+}
+
+std::string pack(std::string_view name, std::string_view bytes, const std::string& file) {
+  check_compression(name, file);
+#ifdef PIRT_LZ4
+  if (name == "lz4") return pack_lz4(bytes);
+#endif
+#ifdef PIRT_ZSTD
+  if (name == "zstd") return pack_zstd(bytes);
+#endif
+  return std::string(bytes);
+}
 
 void check_compression(std::string_view name, const std::string& file) {
   if (name == "none") return;
@@ -133,9 +171,9 @@ std::string unpack(std::string_view name, [[maybe_unused]] const std::string& pa
   return out;
 }
 
+bool is_packed(std::string_view message) { return message.starts_with("\x28\xb5\x2f\xfd"); }
+
 std::string unpack_message(std::string message, const std::string& file) {
-  constexpr std::string_view kMagic = "\x28\xb5\x2f\xfd";
-  if (!message.starts_with(kMagic)) return message;
   check_compression("zstd", file);
   std::string out;
 #ifdef PIRT_ZSTD

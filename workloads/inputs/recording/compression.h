@@ -19,7 +19,15 @@ void check_compression(std::string_view name, const std::string& file);
 [[nodiscard]] std::string unpack(std::string_view name, const std::string& packed, std::size_t size,
                                  const std::string& file);
 
-/// One message that was packed with zstd; what is not is given back.
+/// The best of those that pirt was built with.
+[[nodiscard]] std::string_view best_compression();
+/// The other way round. @throws Error as check_compression.
+[[nodiscard]] std::string pack(std::string_view name, std::string_view bytes,
+                               const std::string& file);
+
+/// Whether a message begins as what zstd packs.
+[[nodiscard]] bool is_packed(std::string_view message);
+/// One message that was packed with zstd.
 /// @throws Error{kBadInput} if it is damaged or larger than a chunk may be.
 [[nodiscard]] std::string unpack_message(std::string message, const std::string& file);
 /// A whole file that was packed with zstd.

@@ -6,6 +6,7 @@
 #include <fmt/core.h>
 #include <sqlite3.h>
 
+#include <algorithm>
 #include <cctype>
 #include <map>
 #include <mutex>
@@ -128,12 +129,19 @@ class Db3 final : public Recording {
   }
 
  private:
-  [[nodiscard]] std::string load(const Topic::Place& place) const override {
+  [[nodiscard]] std::string load(const Topic::Place& place, std::uint64_t most) const override {
+    const std::string bytes = stored(place, most);
+    return is_packed(bytes) ? unpack_message(stored(place, kWhole), file_).substr(0, most) : bytes;
+  }
+
+  /// Of the first bytes of a blob only their pages are read.
+  [[nodiscard]] std::string stored(const Topic::Place& place, std::uint64_t most) const {
     const std::lock_guard lock(mutex_);
-    Statement row(*database_, "SELECT data FROM messages WHERE id = ?");
-    row.bind(1, static_cast<std::int64_t>(place.at));
+    Statement row(*database_, "SELECT substr(data, 1, ?) FROM messages WHERE id = ?");
+    row.bind(1, static_cast<std::int64_t>(std::min(most, kMostChunkBytes)));
+    row.bind(2, static_cast<std::int64_t>(place.at));
     if (!row.step()) fail("has changed while it was read");
-    return unpack_message(row.bytes(0), file_);
+    return row.bytes(0);
   }
 
   /// A recorder that was killed leaves what it had not put into the file beside it: with that it is

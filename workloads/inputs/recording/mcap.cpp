@@ -54,7 +54,7 @@ class Fields {
 struct Chunk {
   std::uint64_t data_at = 0, packed = 0, size = 0;
   std::uint32_t crc = 0;  ///< 0 = there is none.
-  std::string compression;
+  std::string compression = {};
 };
 
 struct Message {
@@ -350,7 +350,7 @@ class Mcap final : public Recording {
   /// One that is damaged is left out, and said.
   void read_chunk(std::uint64_t at, std::uint64_t size) {
     const auto chunk = chunk_of(bytes_.read(at, std::min(size, kMostChunkHead)), at, size);
-    if (!chunk) fail_at(at, "a chunk ends within a field, or has no end");
+    if (!chunk) fail_at(at, "a chunk ends within a field, or is larger than 96 MiB");
     std::string content;
     try {
       content = unpacked(*chunk);
@@ -395,28 +395,43 @@ class Mcap final : public Recording {
     }
   }
 
-  [[nodiscard]] std::string load(const Place& place) const override {
-    const auto checked = [&](std::string_view rest, std::uint64_t at) {
-      const bool is_message = rest.size() >= kRecordHead &&
-                              rest[0] == static_cast<char>(Op::kMessage) &&
-                              Fields(rest.substr(1)).u64() <= rest.size() - kRecordHead;
-      if (!is_message) fail_at(at, "its index leads to no message");
-      const auto message = message_of(rest.substr(kRecordHead, Fields(rest.substr(1)).u64()), at);
-      if (message.time != place.time) fail_at(at, "its index leads to another message");
-      return std::string(message.data);
-    };
-    if (place.at == kNoChunk) {
-      const auto head = bytes_.read(place.part, kRecordHead);
-      const auto size = Fields(std::string_view(head).substr(1)).u64();
-      if (size > kMostChunkBytes) fail_at(place.part, "a record has no end");
-      return checked(bytes_.read(place.part, kRecordHead + size), place.part);
+  /// @param rest  Of the file or of the chunk, from where the message should be.
+  /// @param room  How many bytes there are.
+  [[nodiscard]] std::uint64_t message_size(std::string_view rest, std::uint64_t room,
+                                           std::uint64_t at) const {
+    const auto size = rest.size() < kRecordHead ? 0 : Fields(rest.substr(1)).u64();
+    if (rest.size() < kRecordHead || rest[0] != static_cast<char>(Op::kMessage) ||
+        room < kRecordHead || size > std::min(room - kRecordHead, kMostChunkBytes)) {
+      fail_at(at, "its index leads to no message");
     }
-    const Chunk& chunk = chunks_[place.at];
-    const auto content = unpacked_.get(place.at, [&] { return unpacked(chunk); });
-    return checked(std::string_view(*content).substr(std::min(place.part, content->size())),
-                   chunk.data_at);
+    return size;
   }
 
+  [[nodiscard]] std::string load(const Place& place, std::uint64_t most) const override {
+    const auto data_of = [&](std::string_view content, std::uint64_t at) {
+      const auto message = message_of(content, at);
+      if (message.time != place.time) fail_at(at, "its index leads to another message");
+      return std::string(message.data.substr(0, most));
+    };
+    const bool is_alone = place.at == kNoChunk;
+    const bool is_head = most < kWhole;
+    const Chunk chunk = is_alone ? Chunk{.size = bytes_.size()} : chunks_[place.at];
+    // Where the first bytes are enough and nothing is packed, a chunk is not read for them.
+    if (is_alone || (is_head && chunk.compression == "none")) {
+      const auto at = chunk.data_at + std::min(place.part, chunk.size);
+      const auto room = std::min(chunk.data_at + chunk.size, bytes_.size()) - at;
+      const auto head = bytes_.read(at, std::min<std::uint64_t>(room, kRecordHead));
+      const auto size = message_size(head, room, at);
+      const auto wanted = std::min(size, is_head ? kMessageHead + most : size);
+      return data_of(bytes_.read(at + kRecordHead, wanted), at);
+    }
+    const auto content = unpacked_.get(place.at, [&] { return unpacked(chunk); });
+    const auto rest = std::string_view(*content).substr(std::min(place.part, content->size()));
+    const auto size = message_size(rest, rest.size(), chunk.data_at);
+    return data_of(rest.substr(kRecordHead, size), chunk.data_at);
+  }
+
+  static constexpr std::uint64_t kMessageHead = 2 + 4 + 8 + 8;
   /// Its fields in front of what it holds: the name of the compression is the only one that varies.
   static constexpr std::uint64_t kMostChunkHead = 256;
 

@@ -15,14 +15,6 @@ namespace {
 constexpr std::uint32_t kWidest = 20000;   // pixels, as of EuRoC's folders
 constexpr double kUnknownCovariance = -1;  // in the first element: the field has no estimate
 
-MessageHead read_head(WireReader& in) {
-  if (in.has_seq()) in.u32();
-  MessageHead head;
-  head.time = in.stamp();
-  head.frame = in.text();
-  return head;
-}
-
 void write_head(WireWriter& out, const MessageHead& head) {
   if (out.format() == WireFormat::kRos1) out.u32(0);
   out.stamp(head.time);
@@ -109,6 +101,14 @@ constexpr std::array kDefinitions = {
 // NOLINTEND(bugprone-suspicious-missing-comma)
 
 }  // namespace
+
+MessageHead read_head(WireReader& in) {
+  if (in.has_seq()) in.u32();
+  MessageHead head;
+  head.time = in.stamp();
+  head.frame = in.text();
+  return head;
+}
 
 ImageMessage read_image(WireReader& in, bool compressed) {
   ImageMessage message;

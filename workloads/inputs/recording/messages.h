@@ -68,6 +68,8 @@ struct TransformMessage {
   Pose parent_from_child;
 };
 
+/// With which all but TransformMessage begin.
+[[nodiscard]] MessageHead read_head(WireReader& in);
 [[nodiscard]] ImageMessage read_image(WireReader& in, bool compressed);
 [[nodiscard]] ImuMessage read_imu(WireReader& in);
 [[nodiscard]] CameraInfoMessage read_camera_info(WireReader& in);

@@ -28,8 +28,9 @@ class RandomFile {
   std::uint64_t size_ = 0;
 };
 
-/// A chunk is some hundred kilobytes; what says that it is more than this is damaged.
-inline constexpr std::uint64_t kMostChunkBytes = std::uint64_t{256} << 20;
+/// A chunk is some hundred kilobytes; what says that it is more than this is damaged. Packed and
+/// unpacked, with those that are kept, it takes twice as much and a little.
+inline constexpr std::uint64_t kMostChunkBytes = std::uint64_t{96} << 20;
 
 /// What was unpacked last: messages are asked for one after the other, of a few topics.
 class ChunkCache {

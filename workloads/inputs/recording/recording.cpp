@@ -73,8 +73,8 @@ class UnpackedFile final : public Recording {
   }
 
  private:
-  [[nodiscard]] std::string load(const Topic::Place& place) const override {
-    return content_->message(place.at, place.part);
+  [[nodiscard]] std::string load(const Topic::Place& place, std::uint64_t most) const override {
+    return content_->message(place.at, place.part, most);
   }
 
   TemporaryFolder folder_;
@@ -103,9 +103,9 @@ class Joined final : public Recording {
   }
 
  private:
-  [[nodiscard]] std::string load(const Topic::Place& place) const override {
+  [[nodiscard]] std::string load(const Topic::Place& place, std::uint64_t most) const override {
     constexpr std::uint64_t kTopic = 0xffffffff;
-    return parts_[place.at >> 32]->message(place.at & kTopic, place.part);
+    return parts_[place.at >> 32]->message(place.at & kTopic, place.part, most);
   }
 
   std::vector<std::unique_ptr<Recording>> parts_;
@@ -177,6 +177,24 @@ WireReader Recording::reader(std::size_t topic, std::size_t index, std::string_v
           fmt::format("'{}': message {} of {}", file_, index + 1, of.name), of.has_seq};
 }
 
+void Recording::walk(const std::vector<Wanted>& topics, const Take& take) const {
+  struct Next {
+    Wanted of;
+    std::size_t index = 0;
+  };
+  std::vector<Next> next;
+  for (const Wanted& each : topics) {
+    if (topics_[each.topic].messages > 0) next.push_back({each});
+  }
+  while (!next.empty()) {
+    const auto first = std::ranges::min_element(
+        next, {}, [this](const Next& each) { return time(each.of.topic, each.index); });
+    const auto [topic, most] = first->of;
+    take(topic, first->index, message(topic, first->index, most));
+    if (++first->index == topics_[topic].messages) next.erase(first);
+  }
+}
+
 std::size_t Recording::add(Topic topic) {
   for (std::size_t i = 0; i < topics_.size(); ++i) {
     if (topics_[i].name == topic.name && topics_[i].type == topic.type &&
@@ -190,7 +208,10 @@ std::size_t Recording::add(Topic topic) {
 
 void Recording::finish() {
   for (Topic& topic : topics_) {
-    std::ranges::stable_sort(topic.places, {}, &Topic::Place::time);
+    topic.places.shrink_to_fit();
+    if (!std::ranges::is_sorted(topic.places, {}, &Topic::Place::time)) {
+      std::ranges::stable_sort(topic.places, {}, &Topic::Place::time);
+    }
     topic.messages = topic.places.size();
   }
   std::ranges::stable_sort(topics_, {}, &Topic::name);

@@ -3,7 +3,9 @@
 // say is read elsewhere (messages.h, sequence/).
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -59,11 +61,22 @@ class Recording {
   /// What MCAP holds besides messages.
   [[nodiscard]] std::size_t attachments() const { return attachments_; }
   [[nodiscard]] std::size_t metadata() const { return metadata_; }
+  static constexpr std::uint64_t kWhole = UINT64_MAX;
   /// The bytes of a message, in the order in which they were recorded.
+  /// @param most  Only its first so many bytes.
   /// @throws Error{kBadInput} if they are damaged.
-  [[nodiscard]] std::string message(std::size_t topic, std::size_t index) const {
-    return load(topics_[topic].places[index]);
+  [[nodiscard]] std::string message(std::size_t topic, std::size_t index,
+                                    std::uint64_t most = kWhole) const {
+    return load(topics_[topic].places[index], most);
   }
+  /// Which topic's messages, and how many bytes of each.
+  struct Wanted {
+    std::size_t topic = 0;
+    std::uint64_t most = kWhole;
+  };
+  using Take = std::function<void(std::size_t topic, std::size_t index, const std::string& bytes)>;
+  /// All messages of several topics in order of time, so that each chunk is unpacked once.
+  void walk(const std::vector<Wanted>& topics, const Take& take) const;
   /// When it was recorded.
   [[nodiscard]] Nanos time(std::size_t topic, std::size_t index) const {
     return topics_[topic].places[index].time;
@@ -75,7 +88,7 @@ class Recording {
  protected:
   explicit Recording(std::string file) : file_(std::move(file)) {}
   [[noreturn]] void fail(const std::string& problem) const;
-  [[nodiscard]] virtual std::string load(const Topic::Place& place) const = 0;
+  [[nodiscard]] virtual std::string load(const Topic::Place& place, std::uint64_t most) const = 0;
   /// Position of the one with the same name, type and encoding, added if there is none.
   std::size_t add(Topic topic);
   /// When all places are known: puts everything in order.

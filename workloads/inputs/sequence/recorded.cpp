@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
+#include <map>
 #include <memory>
 #include <opencv2/core.hpp>
 
@@ -38,10 +40,16 @@ struct PictureAt {
 struct Camera {
   std::size_t topic = 0;
   bool compressed = false;
-  std::string frame;  ///< Of coordinates.
-  InfoCamera calibrated;
-  std::optional<GivenCamera> given;  ///< What a file says instead.
-  std::vector<PictureAt> pictures;
+  std::string frame = {};  ///< Of coordinates.
+  InfoCamera calibrated = {};
+  std::optional<GivenCamera> given = {};  ///< What a file says instead.
+  std::vector<PictureAt> pictures = {};
+};
+
+struct ImuTopic {
+  std::size_t topic = 0;
+  std::string frame = {};
+  std::vector<ImuSample> samples = {};
 };
 
 /// Without image_transport's part: "/cam0/image_raw" of "/cam0/image_raw/compressed".
@@ -75,15 +83,14 @@ class Reader {
  public:
   Reader(std::shared_ptr<const Recording> recording, const SequenceTopics& topics,
          std::vector<GivenCamera> given)
-      : recording_(std::move(recording)),
-        chosen_(topics),
-        given_(std::move(given)),
-        transforms_(*recording_) {}
+      : recording_(std::move(recording)), chosen_(topics), given_(std::move(given)) {}
 
   Sequence read() {
     sequence_.name = recording_->file();
     sequence_.warnings = recording_->warnings();
-    read_cameras();
+    find_topics();
+    read_messages();
+    for (Camera& camera : cameras_) finish_camera(camera);
     read_inertial();
     place_cameras();
     frame_pictures();
@@ -133,7 +140,8 @@ class Reader {
     return types;
   }
 
-  void read_cameras() {
+  /// What is read of each message: of pictures their heads.
+  void find_topics() {
     std::vector<std::size_t> topics;
     if (chosen_.left) {
       topics.push_back(checked(*chosen_.left, picture_types()));
@@ -144,7 +152,53 @@ class Reader {
       topics = find_cameras();
       if (chosen_.right == kNone) topics.resize(1);
     }
-    for (const std::size_t each : topics) cameras_.push_back(read_camera(each));
+    for (const std::size_t each : topics) {
+      cameras_.push_back({each, topic(each).type == ImageMessage::kCompressedType});
+    }
+    for (const std::size_t each : find_imu()) imus_.push_back({each});
+    truth_topic_ = find_truth();
+  }
+
+  /// Those of all topics that are used, in one pass.
+  void read_messages() {
+    constexpr std::uint64_t kHead = 4096;
+    using Read = std::function<void(WireReader&)>;
+    std::vector<Recording::Wanted> wanted;
+    std::map<std::size_t, Read> reads;
+    const auto read = [&](std::size_t id, std::uint64_t most, Read by) {
+      wanted.push_back({id, most});
+      reads[id] = std::move(by);
+    };
+    for (const std::size_t id : recording_->of_type(TransformMessage::kType)) {
+      read(id, Recording::kWhole, [this, id](WireReader& in) {
+        transforms_.add(read_transforms(in), topic(id).name.ends_with("tf_static"));
+      });
+    }
+    for (Camera& camera : cameras_) {
+      read(camera.topic, kHead, [&camera](WireReader& in) {
+        const MessageHead head = read_head(in);
+        if (camera.pictures.empty()) camera.frame = head.frame;
+        camera.pictures.push_back({head.time, camera.pictures.size()});
+      });
+    }
+    for (ImuTopic& imu : imus_) {
+      read(imu.topic, Recording::kWhole, [&imu](WireReader& in) {
+        const auto message = ::pirt::read_imu(in);
+        if (imu.samples.empty()) imu.frame = message.head.frame;
+        imu.samples.push_back({message.head.time, message.gyro_rad_s, message.accel_m_s2});
+      });
+    }
+    if (truth_topic_) {
+      read(*truth_topic_, Recording::kWhole, [this](WireReader& in) {
+        const auto message = read_pose(in, topic(*truth_topic_).type);
+        if (sequence_.truth.empty()) truth_frame_ = message.child;
+        sequence_.truth.push_back({message.head.time, message.pose});
+      });
+    }
+    recording_->walk(wanted, [&](std::size_t id, std::size_t index, const std::string& bytes) {
+      auto in = recording_->reader(id, index, bytes);
+      reads.at(id)(in);
+    });
   }
 
   /// The one or two topics with pictures, by what their first messages are.
@@ -198,25 +252,14 @@ class Reader {
     return info_of(topic(id).name) || !any_info ? "" : "has no camera_info";
   }
 
-  Camera read_camera(std::size_t topic_id) {
-    Camera camera;
-    camera.topic = topic_id;
-    camera.compressed = topic(topic_id).type == ImageMessage::kCompressedType;
-    for (std::size_t i = 0; i < topic(topic_id).messages; ++i) {
-      const std::string bytes = recording_->message(topic_id, i);
-      auto in = recording_->reader(topic_id, i, bytes);
-      const auto image = read_image(in, camera.compressed);
-      if (i == 0) camera.frame = image.head.frame;
-      camera.pictures.push_back({image.head.time, i});
-    }
-    order(camera.pictures, topic_id);
+  void finish_camera(Camera& camera) {
+    order(camera.pictures, camera.topic);
     calibrate(camera);
     if (camera.pictures.size() > 1) {
       const Nanos span = camera.pictures.back().time - camera.pictures.front().time;
       camera.calibrated.model.rate_hz =
           static_cast<double>(camera.pictures.size() - 1) / to_s(span);
     }
-    return camera;
   }
 
   /// The topic of a camera's calibration. image_transport has the compressed one a level below.
@@ -235,11 +278,12 @@ class Reader {
   [[nodiscard]] const GivenCamera& given(const std::string& name) const {
     const auto named = std::ranges::find(given_, name, &GivenCamera::topic);
     if (named != given_.end()) return *named;
-    if (cameras_.size() >= given_.size()) {
+    const std::size_t place = topic(cameras_[0].topic).name == name ? 0 : 1;
+    if (place >= given_.size()) {
       fail(fmt::format("has no calibration of {}: --calibration has {} of other cameras", name,
                        given_.size()));
     }
-    return given_[cameras_.size()];
+    return given_[place];
   }
 
   void calibrate(Camera& camera) {
@@ -312,19 +356,6 @@ class Reader {
         first, found.front().has_gyro ? "linear acceleration" : "angular velocity", first));
   }
 
-  [[nodiscard]] std::vector<ImuSample> read_samples(std::size_t id, std::string& frame) {
-    std::vector<ImuSample> samples;
-    for (std::size_t i = 0; i < topic(id).messages; ++i) {
-      const std::string bytes = recording_->message(id, i);
-      auto in = recording_->reader(id, i, bytes);
-      const auto message = ::pirt::read_imu(in);
-      if (i == 0) frame = message.head.frame;
-      samples.push_back({message.head.time, message.gyro_rad_s, message.accel_m_s2});
-    }
-    order(samples, id);
-    return samples;
-  }
-
   /// Puts the accelerometer's, between two of them, to the gyroscope's.
   void join_samples(std::vector<ImuSample>& samples, const std::vector<ImuSample>& accels,
                     const Eigen::Matrix3d& turn) const {
@@ -343,11 +374,11 @@ class Reader {
   }
 
   void read_inertial() {
-    const auto found = find_imu();
-    if (found.empty()) return;
-    const std::string& name = topic(found[0]).name;
-    std::string frame;
-    std::vector<ImuSample> samples = read_samples(found[0], frame);
+    if (imus_.empty()) return;
+    const std::string& name = topic(imus_[0].topic).name;
+    const std::string& frame = imus_[0].frame;
+    for (ImuTopic& each : imus_) order(each.samples, each.topic);
+    auto samples = std::move(imus_[0].samples);
     const auto& given = cameras_.front().given;
     const bool is_placed = given && given->body_from_camera;
     if (!is_placed && !transforms_.between(frame, cameras_.front().frame)) {
@@ -357,17 +388,15 @@ class Reader {
                       name, cameras_.front().frame, frame));
       return;
     }
-    if (found.size() > 1) {
-      std::string other;
-      const auto accels = read_samples(found[1], other);
-      const auto place = transforms_.between(frame, other);
+    if (imus_.size() > 1) {
+      const std::string& other = topic(imus_[1].topic).name;
+      const auto place = transforms_.between(frame, imus_[1].frame);
       if (!place) {
         fail(fmt::format("has no transform of /tf_static from {} to {}, the frames of {} and {}",
-                         other, frame, topic(found[1]).name, name));
+                         imus_[1].frame, frame, other, name));
       }
-      join_samples(samples, accels, place->rotation);
-      sequence_.warnings.push_back(
-          fmt::format("{} and {} are joined to one IMU", name, topic(found[1]).name));
+      join_samples(samples, imus_[1].samples, place->rotation);
+      sequence_.warnings.push_back(fmt::format("{} and {} are joined to one IMU", name, other));
       if (samples.size() < 2) fail(fmt::format("has no accelerations at the times of {}", name));
     }
     body_ = frame;
@@ -451,20 +480,13 @@ class Reader {
   }
 
   void read_truth() {
-    const auto found = find_truth();
-    if (!found) return;
-    for (std::size_t i = 0; i < topic(*found).messages; ++i) {
-      const std::string bytes = recording_->message(*found, i);
-      auto in = recording_->reader(*found, i, bytes);
-      const auto message = ::pirt::read_pose(in, topic(*found).type);
-      const auto body =
-          message.child.empty() ? std::nullopt : transforms_.between(message.child, body_);
-      TruthRow row;
-      row.time = message.head.time;
-      row.body = body ? message.pose * *body : message.pose;
-      sequence_.truth.push_back(row);
+    if (!truth_topic_) return;
+    const auto body =
+        truth_frame_.empty() ? std::nullopt : transforms_.between(truth_frame_, body_);
+    for (TruthRow& row : sequence_.truth) {
+      if (body) row.body = row.body * *body;
     }
-    order(sequence_.truth, *found);
+    order(sequence_.truth, *truth_topic_);
   }
 
   /// Rows of all messages of a topic, as recorded. Where most have no stamp, the times of recording
@@ -489,7 +511,10 @@ class Reader {
   std::vector<GivenCamera> given_;
   Transforms transforms_;
   std::vector<Camera> cameras_;
-  std::string body_;  ///< Frame of coordinates.
+  std::vector<ImuTopic> imus_;  ///< Two: gyroscope, accelerometer.
+  std::optional<std::size_t> truth_topic_;
+  std::string truth_frame_;  ///< Whose pose it is, where the type says it.
+  std::string body_;         ///< Frame of coordinates.
   Sequence sequence_;
 };
 

@@ -1,9 +1,5 @@
 #include "workloads/inputs/sequence/transforms.h"
 
-#include <set>
-
-#include "workloads/inputs/recording/messages.h"
-
 namespace pirt {
 namespace {
 
@@ -14,32 +10,27 @@ std::string plain_frame(const std::string& frame) {
 
 }  // namespace
 
-Transforms::Transforms(const Recording& recording) {
-  std::map<std::string, Parent> seen;
-  std::set<std::string> moving;
-  for (const std::size_t topic : recording.of_type(TransformMessage::kType)) {
-    const bool is_static = recording.topics()[topic].name.ends_with("tf_static");
-    for (std::size_t i = 0; i < recording.topics()[topic].messages; ++i) {
-      const std::string bytes = recording.message(topic, i);
-      auto in = recording.reader(topic, i, bytes);
-      for (const auto& each : read_transforms(in)) {
-        const std::string child = plain_frame(each.child);
-        const Parent parent{plain_frame(each.head.frame), each.parent_from_child};
-        if (is_static) {
-          parents_[child] = parent;
-          continue;
-        }
-        const auto& first = seen.try_emplace(child, parent).first->second;
-        const bool same = first.first == parent.first &&
-                          first.second.rotation == parent.second.rotation &&
-                          first.second.position == parent.second.position;
-        if (!same) moving.insert(child);
-      }
+void Transforms::add(const std::vector<TransformMessage>& messages, bool is_static) {
+  for (const auto& each : messages) {
+    const std::string child = plain_frame(each.child);
+    const Parent parent{plain_frame(each.head.frame), each.parent_from_child};
+    if (is_static) {
+      fixed_[child] = parent;
+      continue;
     }
+    const auto& first = seen_.try_emplace(child, parent).first->second;
+    const bool same = first.first == parent.first &&
+                      first.second.rotation == parent.second.rotation &&
+                      first.second.position == parent.second.position;
+    if (!same) moving_.insert(child);
   }
-  for (const auto& [child, parent] : seen) {
-    if (!moving.contains(child)) parents_.try_emplace(child, parent);
-  }
+}
+
+const Transforms::Parent* Transforms::parent_of(const std::string& frame) const {
+  const auto fixed = fixed_.find(frame);
+  if (fixed != fixed_.end()) return &fixed->second;
+  const auto seen = seen_.find(frame);
+  return seen == seen_.end() || moving_.contains(frame) ? nullptr : &seen->second;
 }
 
 std::optional<Pose> Transforms::between(const std::string& to, const std::string& from) const {
@@ -52,11 +43,12 @@ std::optional<Pose> Transforms::between(const std::string& to, const std::string
 
 Transforms::Parent Transforms::root_of(std::string frame) const {
   Pose pose;
-  for (std::size_t steps = 0; steps <= parents_.size(); ++steps) {  // a circle ends, too
-    const auto parent = parents_.find(frame);
-    if (parent == parents_.end()) break;
-    frame = parent->second.first;
-    pose = parent->second.second * pose;
+  // A circle ends, too.
+  for (std::size_t steps = 0; steps <= fixed_.size() + seen_.size(); ++steps) {
+    const Parent* const parent = parent_of(frame);
+    if (parent == nullptr) break;
+    pose = parent->second * pose;
+    frame = parent->first;
   }
   return {frame, pose};
 }

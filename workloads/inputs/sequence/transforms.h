@@ -3,11 +3,13 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "workloads/base/geometry/geometry.h"
-#include "workloads/inputs/recording/recording.h"
+#include "workloads/inputs/recording/messages.h"
 
 namespace pirt {
 
@@ -15,16 +17,18 @@ namespace pirt {
 /// does not say.
 class Transforms {
  public:
-  explicit Transforms(const Recording& recording);
+  void add(const std::vector<TransformMessage>& messages, bool is_static);
 
-  /// Nothing if no transforms lead from one to the other.
+  /// By all that were added. Nothing if no transforms lead from one to the other.
   [[nodiscard]] std::optional<Pose> between(const std::string& to, const std::string& from) const;
 
  private:
   using Parent = std::pair<std::string, Pose>;  ///< And the child in it.
+  [[nodiscard]] const Parent* parent_of(const std::string& frame) const;
   [[nodiscard]] Parent root_of(std::string frame) const;
 
-  std::map<std::string, Parent> parents_;
+  std::map<std::string, Parent> fixed_, seen_;  ///< Of /tf_static, and the first of /tf.
+  std::set<std::string> moving_;
 };
 
 }  // namespace pirt
