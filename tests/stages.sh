@@ -32,6 +32,7 @@ stage live-simulation "${code[scheduler]}" "$base patch" "100,000 live runs on t
 stage oclgrind "${code[workloads]} tests/oclgrind.sh" "$base oclgrind" "each OpenCL kernel on a simulated device: races, values nobody wrote" long_test oclgrind
 stage rusticl "${code[workloads]}" "$base mesa-opencl-icd" "every workload's OpenCL kernels on Mesa's driver" long_test rusticl
 stage recordings "$all" "$base python3-numpy python3-opencv" "recordings, maps and models as others make them: ../shared/cases/recordings" check_recordings
+stage mcap "$all" "$base" "npm's readers of MCAP and Foxglove's schemas on what run-robot --record writes" check_mcap
 stage subdirectory "$all" "$base" "pirt as a part of another project" long_test subdirectory
 stage systems "$all" "$base jq sqlite3" "launchers, containers, boards: cases that lie beside the project" check_systems
 stage packages "$all" "$base debootstrap lintian" "packages of Debian, installed, used and removed in a fresh root" check_packages
@@ -119,9 +120,32 @@ check_recordings() {
   build_pirt build -DPIRT_TESTS=ON
   out=$(mktemp -d)
   export PIRT=$PWD/build/pirt
-  /usr/bin/python3 "$cases/make.py" "$out" >/dev/null && /usr/bin/python3 "$cases/check.py" "$out"
-  local code=$?
+  local code=0
+  { /usr/bin/python3 "$cases/make.py" "$out" >/dev/null && /usr/bin/python3 "$cases/check.py" "$out"; } || code=$?
   rm -rf "$out"
+  return $code
+}
+
+check_mcap() {
+  local modules=build/npm flight frames at code=0
+  if ! command -v node >/dev/null || ! command -v npm >/dev/null; then
+    echo "skipped: no node and npm"
+    return 77
+  fi
+  if ! npm install --silent --no-save --ignore-scripts --prefix "$modules" @mcap/core@2.2.2 @mcap/support@1.1.0 @foxglove/schemas@2.1.0 ajv@8.20.0; then
+    echo "skipped: npm's registry is not reached"
+    return 77
+  fi
+  build_pirt build -DPIRT_TESTS=ON
+  at=$(mktemp -d)
+  flight=$at/flight
+  build/pirt generate --seed 7 --duration 6s "$flight" &&
+    build/pirt run-robot "$flight" --fast --record "$at/run.mcap" --json "$at/run.json" >/dev/null &&
+    frames=$(sed -n 's/^ *"frames": \([0-9]*\),$/\1/p' "$at/run.json") &&
+    node tests/mcap.mjs "$modules" "$at/run.mcap" compression=zstd "/latency=$frames" /trajectory=1 /path=some &&
+    build/pirt generate --seed 7 --duration 2s --format mcap "$at/flight.mcap" &&
+    node tests/mcap.mjs "$modules" "$at/flight.mcap" compression=none /cam0/image_raw=50 /tf_static=1 || code=$?
+  rm -rf "$at"
   return $code
 }
 

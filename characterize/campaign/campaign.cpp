@@ -39,8 +39,8 @@ namespace pirt {
 namespace {
 
 Environment run_environment(const CampaignOptions& options, const CampaignPlan& plan) {
-  const auto images =
-      options.images ? images_from(*options.images) : generated_images(options.seed);
+  const auto images = options.images ? images_from(*options.images, options.images_topic)
+                                     : generated_images(options.seed);
   Environment facts = run_facts(options.platform, *images);
   facts.insert(plan.facts.begin(), plan.facts.end());
   facts.merge(idle_facts(plan));
@@ -434,6 +434,7 @@ class Campaign {
     job.workload = planned.workload->name;
     job.seed = options_.seed;
     if (options_.images) job.images = std::filesystem::absolute(*options_.images).string();
+    job.images_topic = options_.images_topic;
     job.reference = (scratch_.path() / (job.workload + ".reference")).string();
     job.inputs = (scratch_.path() / (job.workload + ".inputs")).string();
     job.sampling = sampling_options(options_);

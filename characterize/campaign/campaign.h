@@ -50,6 +50,7 @@ struct CampaignOptions {
   std::vector<std::string> sizes;
   std::optional<std::filesystem::path>
       images;  ///< For images_from; absent = generated from the seed.
+  std::string images_topic;
   std::uint64_t seed = 1;
   double precision =
       0.02;  ///< Half the 95 % interval of the median, relative; within 0 and 1, both excluded.

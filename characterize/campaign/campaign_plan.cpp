@@ -132,7 +132,7 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
         find_backend(unit->backend)
             .supports_on(make_unit_request(options.platform, *unit), *workloads.front()));
   }
-  if (options.images) static_cast<void>(images_from(*options.images));
+  if (options.images) static_cast<void>(images_from(*options.images, options.images_topic));
 
   const MachineClock clock;
   const Nanos begin = clock.now();

@@ -105,6 +105,7 @@ std::string stored_plan(const CampaignOptions& options, const CampaignPlan& plan
                {"cells", cells}};
   if (options.batch) json["batch"] = *options.batch;
   if (options.images) json["images"] = std::filesystem::absolute(*options.images).string();
+  if (!options.images_topic.empty()) json["images_topic"] = options.images_topic;
   return json_text(json);
 }
 
@@ -138,6 +139,7 @@ CampaignOptions resume_options(const std::filesystem::path& database) {
     options.mix = json.value("mix", std::string());
     if (json.contains("first")) options.first = first_of(json.at("first"));
     if (json.contains("images")) options.images = json.at("images").get<std::string>();
+    options.images_topic = json.value("images_topic", std::string());
     options.resumed = std::move(run);
     return options;
   });

@@ -314,6 +314,7 @@ std::string to_json(const Job& job) {
                   {"own_digest", job.own_digest},
                   {"seed", job.seed},
                   {"images", job.images},
+                  {"images_topic", job.images_topic},
                   {"reference", job.reference},
                   {"inputs", job.inputs},
                   {"verifies_first", job.verifies_first},
@@ -347,6 +348,7 @@ Job job_from_json(const std::string& text) {
     job.own_digest = j.at("own_digest");
     job.seed = j.at("seed");
     job.images = j.at("images");
+    job.images_topic = j.at("images_topic");
     job.reference = j.at("reference");
     job.inputs = j.at("inputs");
     job.verifies_first = j.at("verifies_first");

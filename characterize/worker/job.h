@@ -41,7 +41,8 @@ struct Job {
   std::string own;
   std::string own_digest;  ///< Of what that has to hold; empty = whatever it does.
   std::uint64_t seed = 1;
-  std::string images;     ///< Path for images_from; empty = generated.
+  std::string images;  ///< Path for images_from; empty = generated.
+  std::string images_topic;
   std::string reference;  ///< File that kReference writes and kSample reads.
   /// File that kReference writes what is computed on to, unless that is large, and the others read
   /// if it is there; empty = none, each makes it.

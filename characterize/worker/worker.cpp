@@ -198,8 +198,8 @@ class Worker {
       return read_data(job_.inputs, workload);
     }
     if (workload.state) initial_ = workload.make_state();
-    const auto images =
-        job_.images.empty() ? generated_images(job_.seed) : images_from(job_.images);
+    const auto images = job_.images.empty() ? generated_images(job_.seed)
+                                            : images_from(job_.images, job_.images_topic);
     return make_sequence(workload, {job_.seed, images.get()});
   }
 

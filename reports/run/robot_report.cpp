@@ -240,6 +240,8 @@ RobotRun robot_run(std::string driver, std::string mode, const Sequence& sequenc
     run.paths_found = activities->paths_found();
     run.last_path_m = activities->last_path_m();
     run.scenes = activities->scenes();
+    run.paths = activities->paths();
+    run.map_from_world = activities->map_from_world();
     const auto [before, after] = activities->adjusted();
     if (run.summary.error && before.size() > 2) {
       const auto alignment = run.summary.scale_known ? Alignment::kSe3 : Alignment::kSim3;

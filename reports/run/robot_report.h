@@ -26,6 +26,8 @@ struct RobotRun {
   std::int64_t paths_found = 0;            ///< Of the planner's.
   double last_path_m = 0;
   std::vector<std::string> scenes = {};  ///< As Activities::scenes().
+  std::vector<PlannedPath> paths = {};   ///< As Activities::paths().
+  std::optional<Pose> map_from_world = {};
   /// Of the keyframes, before they were adjusted and after; absent without truth.
   std::optional<TrajectoryError> keyframes_before, keyframes_after;
   double energy_j = 0;  ///< By the platform's watts; 0 = not known.

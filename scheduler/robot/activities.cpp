@@ -44,6 +44,17 @@ Tensor coloured(const GreyImage& image) {
   return tensor;
 }
 
+std::vector<Point> corners_of(const std::vector<Cell>& cells, const Grid& grid) {
+  std::vector<Point> corners;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const bool is_straight = i > 0 && i + 1 < cells.size() &&
+                             cells[i].x - cells[i - 1].x == cells[i + 1].x - cells[i].x &&
+                             cells[i].y - cells[i - 1].y == cells[i + 1].y - cells[i].y;
+    if (!is_straight) corners.push_back(grid.centre_of(cells[i]));
+  }
+  return corners;
+}
+
 /// Whether something that comes @p hz times a second is due at @p time; sets when it is next.
 bool is_due(std::optional<Nanos>& next, Nanos time, double hz) {
   if (!next) next = time;
@@ -149,6 +160,7 @@ struct Activities::Planned {
   planning::PathFollower path;
   std::int64_t found = 0;
   double length_m = 0;
+  std::vector<PlannedPath> paths;
 };
 
 /// Keyframes on their way.
@@ -304,7 +316,7 @@ void Activities::localized(const slam::FrameResult& frame,
   // What is real-time first: a unit that has begun an adjustment is not preempted.
   if (planned_ && frame.status != slam::Status::kStarting) {
     const MapPose place = place_of(frame.pose.body);
-    plan(place);
+    plan(place, frame.pose.time);
     avoid(place, frame.pose.time);
   }
   if (frame.status == slam::Status::kTracking && mapped_) map(frame, state);
@@ -324,23 +336,13 @@ void Activities::change_world(const Similarity& moved) {
 }
 
 MapPose Activities::place_of(const Pose& body) {
-  const auto on_the_floor = [](const Pose& pose) {
-    return MapPose{{pose.position.x(), pose.position.y()}, heading_of(pose)};
-  };
   if (!planned_->first) planned_->first = body;
-  const MapPose here = on_the_floor(body);
-  const MapPose first = on_the_floor(*planned_->first);
-  const MapPose& start = options_.planning->start;
-  const double turn = start.heading_rad - first.heading_rad;
-  const double x = here.position.x - first.position.x;
-  const double y = here.position.y - first.position.y;
-  return {{start.position.x + std::cos(turn) * x - std::sin(turn) * y,
-           start.position.y + std::sin(turn) * x + std::cos(turn) * y},
-          here.heading_rad + turn};
+  const Pose on_map = *map_from_world() * body;
+  return {{on_map.position.x(), on_map.position.y()}, heading_of(on_map)};
 }
 
 /// A robot that stands nearer to an obstacle than its radius plans from where it does not.
-void Activities::plan(const MapPose& place) {
+void Activities::plan(const MapPose& place, Nanos time) {
   if (!planning_->is_free()) return;
   const Grid& map = options_.planning->map;
   const auto start = planned_->passable.nearest_passable(map.cell_of(place.position));
@@ -349,7 +351,7 @@ void Activities::plan(const MapPose& place) {
   inputs[2] = Tensor(inputs[2].spec());
   inputs[2].as<std::int32_t>()[0] = start->x;
   inputs[2].as<std::int32_t>()[1] = start->y;
-  planning_->fire(inputs, [this](std::span<const Tensor> outputs) {
+  planning_->fire(inputs, [this, time](std::span<const Tensor> outputs) {
     const planning::Path path = planning::path_of(outputs);
     const std::lock_guard lock(planned_->mutex);
     planned_->path = {};
@@ -359,6 +361,10 @@ void Activities::plan(const MapPose& place) {
     planned_->length_m = path.length * grid.resolution;
     std::vector<Point> centres;
     for (const Cell cell : path.cells) centres.push_back(grid.centre_of(cell));
+    auto& paths = planned_->paths;
+    if (paths.empty() || time - paths.back().time >= std::chrono::seconds(1)) {
+      paths.push_back({time, corners_of(path.cells, grid)});
+    }
     planned_->path = planning::PathFollower(std::move(centres));
   });
 }
@@ -436,6 +442,21 @@ std::vector<ActivityCounts> Activities::counts() const {
 }
 
 std::int64_t Activities::paths_found() const { return planned_ ? planned_->found : 0; }
+std::vector<PlannedPath> Activities::paths() const {
+  return planned_ ? planned_->paths : std::vector<PlannedPath>();
+}
+
+std::optional<Pose> Activities::map_from_world() const {
+  if (!planned_ || !planned_->first) return std::nullopt;
+  const MapPose& start = options_.planning->start;
+  const Pose& first = *planned_->first;
+  Pose pose;
+  pose.rotation = rotation_of({0, 0, start.heading_rad - heading_of(first)});
+  pose.position =
+      Eigen::Vector3d(start.position.x, start.position.y, 0) - pose.rotation * first.position;
+  return pose;
+}
+
 double Activities::last_path_m() const { return planned_ ? planned_->length_m : 0; }
 
 }  // namespace pirt

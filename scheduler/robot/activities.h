@@ -54,6 +54,12 @@ struct AdjustedKeyframes {
   std::vector<StampedPose> before, after;
 };
 
+/// What was planned, on the map: the corners of the path, in metres.
+struct PlannedPath {
+  Nanos time{};  ///< Of the pose that it begins at.
+  std::vector<planning::Point> corners;
+};
+
 /// What became of one kind of task.
 struct ActivityCounts {
   std::string name;   ///< "plan_path".
@@ -84,6 +90,10 @@ class Activities final : public Companion {
   /// Plans that found a path, and the last one's length in metres.
   [[nodiscard]] std::int64_t paths_found() const;
   [[nodiscard]] double last_path_m() const;
+  /// At most one a second.
+  [[nodiscard]] std::vector<PlannedPath> paths() const;
+  /// The localization's world on the map, level; absent if nothing was planned.
+  [[nodiscard]] std::optional<Pose> map_from_world() const;
   /// All that came back.
   [[nodiscard]] AdjustedKeyframes adjusted() const;
   /// By the user's models, in the order in which they came back: lines of JSON as pirt describe
@@ -100,7 +110,7 @@ class Activities final : public Companion {
   void change_world(const Similarity& moved);
   void recognize(const GreyImage& image);
   void describe(Nanos time, const GreyImage& image);
-  void plan(const MapPose& place);
+  void plan(const MapPose& place, Nanos time);
   void avoid(const MapPose& place, Nanos time);
   void map(const slam::FrameResult& frame, const std::function<slam::State()>& state);
 

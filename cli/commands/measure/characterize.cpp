@@ -35,6 +35,7 @@
 #include "workloads/base/text/text.h"
 #include "workloads/base/time.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/inputs/sequence/recorded.h"
 #include "workloads/own/definition.h"
 
 namespace pirt::cli {
@@ -51,7 +52,7 @@ struct CharacterizeFlags {
   std::vector<std::string> variants;
   std::vector<std::string> sizes;
   std::optional<int> batch;
-  std::optional<std::string> images;
+  std::optional<std::string> images, topics;
   std::string precision = "2%";
   std::optional<std::string> max_time;
   std::uint64_t seed = 1;
@@ -124,6 +125,7 @@ std::string command_of(const CharacterizeFlags& options) {
   add_list("--sizes", options.sizes);
   if (options.batch) add("--batch", std::to_string(*options.batch));
   if (options.images) add("--images", place(*options.images));
+  if (options.topics) add("--topics", in_shell(*options.topics));
   if (options.mix != CharacterizeFlags{}.mix) {
     add("--mix", names_a_file(options.mix) ? place(options.mix) : in_shell(options.mix));
   }
@@ -163,6 +165,13 @@ CampaignOptions campaign_options(const CharacterizeFlags& options) {
   campaign.sizes = options.sizes;
   campaign.batch = options.batch;
   if (options.images) campaign.images = *options.images;
+  if (options.topics) {
+    const SequenceTopics topics = parse_topics(*options.topics);
+    if (!topics.left || topics.right || topics.imu || topics.truth) {
+      throw_bad_input("--topics of --images is left=TOPIC: the one whose pictures are taken");
+    }
+    campaign.images_topic = *topics.left;
+  }
   campaign.seed = options.seed;
   campaign.precision = parse_fraction(options.precision);
   if (options.max_time) campaign.max_time = parse_duration(*options.max_time);
@@ -566,8 +575,12 @@ void add_characterize(CLI::App& app, Action& action) {
             "Measure AlexNet's layers and the chain with this many images a call as well, "
             "in rows such as fc6@batch8 (default: those that --filter names)");
   add_input(command, "--images", &options->images,
-            "PNG or JPEG file, or a folder of them, as input (default: generated from the seed)",
+            "PNG or JPEG file, a folder of them, or a recording of ROS, as input (default: "
+            "generated from the seed)",
             FileUse::kReadPictures);
+  add_text(command, "--topics", &options->topics, "left=TOPIC",
+           "Of a recording, the topic whose pictures are taken (default: the first that has some)")
+      .needs(command.option("--images"));
   add_value(command, "--precision", &options->precision, "FRACTION", no_fraction,
             "Sample until the 95 % interval of each median of call and execute, over processes, is "
             "within +/- this, or the time is up; a fraction or a percentage")
@@ -600,7 +613,8 @@ void add_characterize(CLI::App& app, Action& action) {
       "Go on with the newest run of --db that did not end, with the options it was started with");
   for (const auto* name :
        {"--platform", "--set", "--mix", "--units", "--workloads", "--filter", "--variants",
-        "--sizes", "--batch", "--images", "--precision", "--seed", "--quick", "--interference"}) {
+        "--sizes", "--batch", "--images", "--topics", "--precision", "--seed", "--quick",
+        "--interference"}) {
     resume.excludes(command.option(name));
   }
   add_json(command, options->json);

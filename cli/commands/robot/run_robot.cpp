@@ -17,13 +17,13 @@
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "reports/document/document.h"
+#include "reports/run/robot_recording.h"
 #include "reports/run/robot_report.h"
 #include "scheduler/policies/policy.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
-#include "workloads/inputs/recording/recording.h"
 #include "workloads/inputs/sequence/bad_pictures.h"
 #include "workloads/inputs/sequence/recorded.h"
 #include "workloads/slam/run/camera_imu.h"
@@ -34,7 +34,8 @@ namespace {
 
 struct RunRobotFlags {
   std::string dataset;
-  std::optional<std::string> slam_map, topics, calibration;
+  std::optional<std::string> slam_map, topics, calibration, truth;
+  std::string stereo_tolerance = "3ms";
   ActivityFlags activities;
   bool no_update = false, no_map = false, mono = false, no_imu = false;
   bool serial = false, fast = false, comparing = false, strict = false;
@@ -45,28 +46,20 @@ struct RunRobotFlags {
   std::optional<std::string> duration;
   int in_flight = 2;
   double camera_late_ms = 0;
-  Output json, trajectory, plot, save_map, trace;
+  Output json, trajectory, plot, save_map, trace, record;
 };
 
 Sequence read(const RunRobotFlags& options) {
   if (options.dataset.empty()) throw_bad_input("name the folder of a sequence, or a recording");
-  const bool of_recording = options.topics || options.calibration;
-  if (of_recording && !names_a_recording(options.dataset)) {
-    throw_bad_input("--topics and --calibration are of recordings (.bag, .db3, .mcap), and '" +
-                    options.dataset + "' is none");
-  }
-  SequenceTopics topics = options.topics ? parse_topics(*options.topics) : SequenceTopics{};
-  if (options.no_imu) topics.imu = "none";
-  Sequence sequence =
-      of_recording ? read_recording(options.dataset, topics, options.calibration.value_or(""))
-                   : read_sequence(options.dataset, !options.no_imu);
+  Sequence sequence = read_sequence(
+      options.dataset, {.imu = !options.no_imu,
+                        .topics = options.topics ? parse_topics(*options.topics) : SequenceTopics{},
+                        .calibration = options.calibration.value_or(""),
+                        .truth = options.truth.value_or(""),
+                        .pair_tolerance = parse_duration(options.stereo_tolerance)});
   if (options.mono) {
     sequence.cameras.resize(1);
     for (auto& frame : sequence.frames) frame.present.resize(1);
-  }
-  if (options.no_imu) {
-    sequence.imu.clear();
-    sequence.imu_model.reset();
   }
   for (Frame& frame : sequence.frames) frame.time -= from_s(options.camera_late_ms / 1e3);
   if (options.duration) {
@@ -77,6 +70,9 @@ Sequence read(const RunRobotFlags& options) {
 }
 
 void check(const RunRobotFlags& options) {
+  if (options.record && !options.record.path().ends_with(".mcap")) {
+    throw_bad_input("--record '" + options.record.path() + "' must end in .mcap");
+  }
   if (options.plot && !options.plot.path().ends_with(".svg") &&
       !options.plot.path().ends_with(".png")) {
     throw_bad_input("--plot '" + options.plot.path() + "' must end in .png or .svg");
@@ -246,6 +242,7 @@ int run_robot(const RunRobotFlags& options) {
   if (options.save_map && tracked) {
     results.write(slam::map_text(done.result.run.last, done.setup), options.save_map);
   }
+  if (options.record) results.write(robot_recording(done), options.record);
   if (options.plot) results.write(picture(options, sequence, done), options.plot);
   if (!done.result.trace_problem.empty()) results.add(done.result.trace_problem);
   results.check();
@@ -275,8 +272,16 @@ void add_run_robot(CLI::App& app, Action& action) {
            "(default: found by their types)");
   add_input(
       command, "--calibration", &options->calibration,
-      "What a recording without CameraInfo does not say: Kalibr's camchain, EuRoC's sensor.yaml or "
-      "their folder, or the file of ROS's camera_calibration");
+      "What a recording without CameraInfo, or a folder without sensor.yaml, does not say of its "
+      "cameras: Kalibr's camchain, EuRoC's sensor.yaml or their folder, or the file of ROS's "
+      "camera_calibration");
+  add_input(command, "--truth", &options->truth,
+            "Where the robot really was, in the TUM format (s, x y z, qx qy qz qw) (default: what "
+            "the sequence says)");
+  add_value(command, "--stereo-tolerance", &options->stereo_tolerance, "DURATION", no_duration,
+            "Pictures of two cameras that are no farther apart, nor than a third of the time "
+            "between two, are of one moment")
+      .shows_default();
   command.add_flag("--fast", options->fast,
                    "As fast as it goes, not at the sequence's own rate; no frame is dropped");
   add_value(command, "--duration", &options->duration, "DURATION", no_duration,
@@ -323,6 +328,10 @@ void add_run_robot(CLI::App& app, Action& action) {
              StdoutUse::kRefused);
   add_output(command, "--trajectory", options->trajectory,
              "Write the trajectory in the TUM format (s, x y z, qx qy qz qw)");
+  add_output(command, "--record", options->record,
+             "Write poses, planned paths, detections and latencies as an MCAP recording, for "
+             "Foxglove",
+             StdoutUse::kRefused);
   add_output(
       command, "--plot", options->plot,
       "Draw the trajectory with truth, map and where it was known again, and a frame's features: "
@@ -337,8 +346,8 @@ void add_run_robot(CLI::App& app, Action& action) {
   for (const auto* name :
        {"--mode", "--platform", "--profile", "--set", "--in-flight", "--trace", "--strict"})
     command.option("--serial").excludes(command.option(name));
-  for (const auto* name :
-       {"--serial", "--mode", "--trace", "--trajectory", "--plot", "--save-slam-map", "--scenes"})
+  for (const auto* name : {"--serial", "--mode", "--trace", "--trajectory", "--plot",
+                           "--save-slam-map", "--scenes", "--record"})
     compare.excludes(command.option(name));
   command.footer("Example: pirt generate --seed 7 --duration 60s out/ && pirt run-robot out/");
   command.runs(action, [options, compare] {

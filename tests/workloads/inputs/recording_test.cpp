@@ -92,7 +92,8 @@ TEST_P(Recorded, ReadsAsTheFolderOfTheSameSequence) {
 
 TEST_P(Recorded, TakesTheTopicsThatAreChosen) {
   ASSERT_TRUE(write_recording(generate_sequence(small_scene()), file()));
-  const Sequence right = read_recording(file(), parse_topics("left=/cam1/image_raw,imu=none"));
+  const Sequence right =
+      read_recording(file(), {.topics = parse_topics("left=/cam1/image_raw,imu=none")});
   EXPECT_EQ(right.cameras.size(), 1U);
   EXPECT_THAT(right.imu, IsEmpty());
   EXPECT_FALSE(right.imu_model);
@@ -100,13 +101,14 @@ TEST_P(Recorded, TakesTheTopicsThatAreChosen) {
   EXPECT_EQ(right.image(2, 0).pixels, both.image(2, 1).pixels);
   // Without an IMU the camera is the body.
   EXPECT_TRUE(right.cameras[0].body_from_camera.rotation.isIdentity(1e-12));
-  EXPECT_EQ(read_recording(file(), parse_topics("right=none")).cameras.size(), 1U);
+  EXPECT_EQ(read_recording(file(), {.topics = parse_topics("right=none")}).cameras.size(), 1U);
 }
 
 TEST_P(Recorded, SaysWhichTopicsThereAreWhereOneIsMissing) {
   ASSERT_TRUE(write_recording(generate_sequence(small_scene(false)), file()));
   const auto problem = [&](const std::string& topics) {
-    return bad_input([&] { static_cast<void>(read_recording(file(), parse_topics(topics))); });
+    return bad_input(
+        [&] { static_cast<void>(read_recording(file(), {.topics = parse_topics(topics)})); });
   };
   EXPECT_THAT(problem("left=/cam1/image_raw"),
               AllOf(HasSubstr("no topic '/cam1/image_raw'"),

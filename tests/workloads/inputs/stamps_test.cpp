@@ -41,18 +41,18 @@ TEST(Stamps, KeepTheLongestRunThatRises) {
   // The one far ahead goes, not all that come after it.
   EXPECT_THAT(rising(ms({1, 2, 86'400'000, 3, 4})), ElementsAre(0, 1, 3, 4));
   EXPECT_THAT(rising(ms({5, 5, 6})), testing::SizeIs(2));
-  EXPECT_THAT(rising(ms({0, 7, 0, 8})), ElementsAre(1, 3)) << "0 is none";
+  EXPECT_THAT(rising(ms({0, 7, 0, 8}), Nanos::zero()), ElementsAre(1, 3)) << "0 is none";
   EXPECT_THAT(rising({}), IsEmpty());
   std::vector<std::string> warnings;
   tell_of_rising("/t", 3, 4, warnings);
-  EXPECT_THAT(warnings, ElementsAre(HasSubstr("1 of 4 messages of /t")));
+  EXPECT_THAT(warnings, ElementsAre(HasSubstr("1 of 4 stamps of /t")));
   EXPECT_THAT(bad_input([&] { tell_of_rising("/t", 1, 4, warnings); }), HasSubstr("do not rise"));
 }
 
 TEST(Stamps, ArePairedByTimeAndNotByPosition) {
   std::vector<std::string> warnings;
   const auto pair = [&](const std::vector<double>& left, const std::vector<double>& right) {
-    return pair_stamps(ms(left), ms(right), warnings);
+    return pair_stamps(ms(left), ms(right), kPairTolerance, warnings);
   };
   EXPECT_THAT(pair({0, 50, 100}, {0, 100, 150}), ElementsAre(0, std::nullopt, 1));
   EXPECT_THAT(warnings, IsEmpty());

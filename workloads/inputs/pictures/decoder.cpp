@@ -1,5 +1,10 @@
 #include "workloads/inputs/pictures/decoder.h"
 
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cstdint>
+
 #include "workloads/base/error.h"
 #include "workloads/base/system/module.h"
 
@@ -27,6 +32,25 @@ cv::Mat decode_unchanged(const std::string& bytes) {
   cv::Mat pixels;
   decode(bytes, pixels);
   return pixels;
+}
+
+std::string take_upper_bits(cv::Mat& pixels) {
+  constexpr double kLeast = 1 << 12;
+  double brightest = 0;
+  cv::minMaxLoc(pixels, nullptr, &brightest);
+  if (brightest < kLeast) {
+    return fmt::format(
+        "its brightest pixel has {:.0f} of 65535: these are not 16 bits; scale it to 8", brightest);
+  }
+  constexpr int kStep = 256;
+  cv::Mat upper(pixels.size(), CV_8UC1);
+  for (int y = 0; y < pixels.rows; ++y) {
+    const auto* const from = pixels.ptr<std::uint16_t>(y);
+    std::transform(from, from + pixels.cols, upper.ptr(y),
+                   [](std::uint16_t value) { return static_cast<std::uint8_t>(value / kStep); });
+  }
+  pixels = upper;
+  return "";
 }
 
 std::string encode_png(const cv::Mat& image) {

@@ -24,7 +24,11 @@ struct DecodedPicture {
 /// threads may call it at once: warnings of the codecs are not taken.
 [[nodiscard]] cv::Mat decode_unchanged(const std::string& bytes);
 
-/// @param image  8 bits, grey or B, G, R.
+/// Of grey pixels of 16 bits the upper 8.
+/// @return  Empty, or why that is no picture: it is of 12 bits or less in the lower ones.
+[[nodiscard]] std::string take_upper_bits(cv::Mat& pixels);
+
+/// @param image  8 or 16 bits, grey or B, G, R.
 /// @return       A PNG file, packed for speed rather than size.
 /// @throws Error{kEnvironment} if it cannot be made.
 [[nodiscard]] std::string encode_png(const cv::Mat& image);

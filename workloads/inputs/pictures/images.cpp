@@ -190,8 +190,8 @@ class LoadedImages : public ImageSource {
 
 class RecordedImages final : public LoadedImages {
  public:
-  explicit RecordedImages(const fs::path& path)
-      : recording_(open_recording(path)), topic_(picture_topic(*recording_)) {
+  RecordedImages(const fs::path& path, const std::string& topic)
+      : recording_(open_recording(path)), topic_(picture_topic(*recording_, topic)) {
     for (std::size_t i = 0; i < recording_->topics()[topic_].messages; ++i) {
       static_cast<void>(load(i));
       hashes_.push_back(Hash64().add(recording_->message(topic_, i)).value());
@@ -288,8 +288,11 @@ Tensor rgb_pixels(const fs::path& file, bool alpha) {
   return planes_of(has_alpha ? with_alpha(file, bytes, *header) : decode(file, bytes));
 }
 
-std::unique_ptr<ImageSource> images_from(const fs::path& path) {
-  if (names_a_recording(path)) return std::make_unique<RecordedImages>(path);
+std::unique_ptr<ImageSource> images_from(const fs::path& path, const std::string& topic) {
+  if (names_a_recording(path)) return std::make_unique<RecordedImages>(path, topic);
+  if (!topic.empty()) {
+    throw_bad_input("'" + path.string() + "' is no recording, and has no topic " + topic);
+  }
   return std::make_unique<FileImages>(path);
 }
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "workloads/model/image_source.h"
@@ -28,10 +29,12 @@ namespace pirt {
 
 /// The PNG and JPEG files of a folder in name order, or one such file. Other files in the folder
 /// are ignored; each picture is scaled to cover the wished size, keeping its aspect, and
-/// centre-cropped.
+/// centre-cropped. Or the pictures of a recording.
+/// @param topic  Of a recording; empty = the first by name whose messages are pictures.
 /// @throws Error{kBadInput} for a missing or unreadable path, a folder without images, or an image
 /// that does not decode;
 ///         the message names the file. Everything is checked here, before anything is measured.
-[[nodiscard]] std::unique_ptr<ImageSource> images_from(const std::filesystem::path& path);
+[[nodiscard]] std::unique_ptr<ImageSource> images_from(const std::filesystem::path& path,
+                                                       const std::string& topic = {});
 
 }  // namespace pirt

@@ -24,6 +24,7 @@ struct Encoding {
 constexpr int kAsItIs = -1;
 const Encoding kEncodings[] = {{"mono8", CV_8UC1, kAsItIs},
                                {"8UC1", CV_8UC1, kAsItIs},
+                               {"mono16", CV_16UC1, kAsItIs},
                                {"bgr8", CV_8UC3, kAsItIs},
                                {"8UC3", CV_8UC3, kAsItIs},
                                {"rgb8", CV_8UC3, cv::COLOR_RGB2BGR},
@@ -43,6 +44,11 @@ void check_size(const WireReader& in, const Size& size, const std::optional<Size
                       size.height, expected->width, expected->height));
 }
 
+void narrow(cv::Mat& pixels, const WireReader& in) {
+  const std::string why_not = take_upper_bits(pixels);
+  if (!why_not.empty()) in.fail("is no grey picture: " + why_not);
+}
+
 cv::Mat decoded(const ImageMessage& message, const WireReader& in,
                 const std::optional<Size>& expected) {
   const std::string bytes(message.data);
@@ -51,6 +57,7 @@ cv::Mat decoded(const ImageMessage& message, const WireReader& in,
   check_size(in, {check.header->width, check.header->height}, expected);
   cv::Mat pixels = decode_unchanged(bytes);
   if (pixels.empty()) in.fail("has pixels that do not decode");
+  if (pixels.type() == CV_16UC1) narrow(pixels, in);
   if (pixels.depth() != CV_8U) in.fail("has more than 8 bits a channel");
   cv::Mat plain = pixels;
   if (pixels.channels() == 4) cv::cvtColor(pixels, plain, cv::COLOR_BGRA2BGR);
@@ -71,6 +78,7 @@ cv::Mat plain(const ImageMessage& message, const WireReader& in,
   cv::Mat pixels;
   if (encoding->to_bgr == kAsItIs) {
     pixels = view.clone();
+    if (pixels.type() == CV_16UC1) narrow(pixels, in);
   } else {
     cv::cvtColor(view, pixels, encoding->to_bgr);
   }
@@ -86,7 +94,8 @@ cv::Mat picture_of(const Recording& recording, std::size_t topic, std::size_t in
   const std::string why_not = no_picture(message);
   if (!why_not.empty()) {
     in.fail(why_not +
-            "; known are mono8, 8UC1, bgr8, 8UC3, rgb8, bgra8, rgba8, and PNG and JPEG of them");
+            "; known are mono8, mono16, 8UC1, bgr8, 8UC3, rgb8, bgra8, rgba8, and PNG and JPEG of "
+            "them");
   }
   return message.compressed ? decoded(message, in, expected) : plain(message, in, expected);
 }
@@ -102,16 +111,18 @@ std::string no_picture(const ImageMessage& message) {
       message.encoding.find("compressedDepth") != std::string::npos) {
     return named + ", which is depth";
   }
-  if (encoding.ends_with("16")) return named + ", which has 16 bits";
+  if (encoding.ends_with("16") && encoding != "mono16") return named + ", which has 16 bits";
   if (message.compressed) return is_image(message.data) ? "" : named;
   const bool is_known =
       std::ranges::find(kEncodings, message.encoding, &Encoding::name) != std::end(kEncodings);
   return is_known ? "" : named;
 }
 
-std::size_t picture_topic(const Recording& recording) {
+std::size_t picture_topic(const Recording& recording, const std::string& name) {
   std::string why_not;
-  for (std::size_t i = 0; i < recording.topics().size(); ++i) {
+  const auto types = {ImageMessage::kType, ImageMessage::kCompressedType};
+  const std::size_t named = name.empty() ? 0 : recording.topic(name, types);
+  for (std::size_t i = named; i < (name.empty() ? recording.topics().size() : named + 1); ++i) {
     const Topic& topic = recording.topics()[i];
     const bool is_compressed = topic.type == ImageMessage::kCompressedType;
     if ((topic.type != ImageMessage::kType && !is_compressed) || topic.messages == 0) continue;
@@ -121,9 +132,11 @@ std::size_t picture_topic(const Recording& recording) {
     if (problem.empty()) return i;
     why_not += "; " + topic.name + " " + problem;
   }
-  throw_bad_input("'" + recording.file() +
-                  "' has no pictures: no topic of sensor_msgs/Image or CompressedImage" +
-                  (why_not.empty() ? "; it has " + recording.describe() : why_not));
+  throw_bad_input("'" + recording.file() + "' has no pictures" +
+                  (name.empty() ? "" : " on " + name) +
+                  ": no topic of sensor_msgs/Image or CompressedImage" +
+                  (why_not.empty() ? "; it has " + recording.describe() : why_not) +
+                  "; choose one: --topics left=TOPIC");
 }
 
 cv::Mat recorded_picture(const Recording& recording, std::size_t topic, std::size_t index) {

@@ -13,8 +13,10 @@ namespace pirt {
 /// be one.
 [[nodiscard]] std::string no_picture(const ImageMessage& message);
 
-/// Position of the first topic with pictures, by name. @throws Error{kBadInput} if there is none.
-[[nodiscard]] std::size_t picture_topic(const Recording& recording);
+/// Position of the topic of that name, or, where that is empty, of the first with pictures, by
+/// name.
+/// @throws Error{kBadInput} if there is none.
+[[nodiscard]] std::size_t picture_topic(const Recording& recording, const std::string& name);
 
 /// Grey or B, G, R, 8 bits.
 /// @throws Error{kBadInput} for damage and for encodings that are not known.

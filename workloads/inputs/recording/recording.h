@@ -135,6 +135,8 @@ class RecordingWriter {
 };
 [[nodiscard]] std::unique_ptr<RecordingWriter> make_bag(const std::filesystem::path& file);
 [[nodiscard]] std::unique_ptr<RecordingWriter> make_db3(const std::filesystem::path& file);
-[[nodiscard]] std::unique_ptr<RecordingWriter> make_mcap(const std::filesystem::path& file);
+/// @param compression  Of chunks: "none", "lz4" or "zstd".
+[[nodiscard]] std::unique_ptr<RecordingWriter> make_mcap(const std::filesystem::path& file,
+                                                         std::string_view compression = "none");
 
 }  // namespace pirt

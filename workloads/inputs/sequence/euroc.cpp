@@ -3,7 +3,6 @@
 // found here and not by a filter that diverges.
 #include <fmt/core.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -12,6 +11,7 @@
 #include "workloads/base/math/pixel_index.h"
 #include "workloads/base/text/text.h"
 #include "workloads/base/text/yaml.h"
+#include "workloads/inputs/sequence/calibration_file.h"
 #include "workloads/inputs/sequence/camera_info.h"
 #include "workloads/inputs/sequence/imu_check.h"
 #include "workloads/inputs/sequence/sequence.h"
@@ -31,8 +31,10 @@ constexpr double kStrongestAccel_m_s2 = 400.0;  // 40 g
 /// OpenCV writes "%YAML:1.0", which is no YAML directive.
 YamlNode read_sensor(const fs::path& file) {
   if (!fs::exists(file)) {
-    throw_bad_input(
-        fmt::format("the calibration '{}' is missing; a sequence needs it", file.string()));
+    throw_bad_input(fmt::format(
+        "the calibration '{}' is missing; a sequence needs it, or another file that has "
+        "it: --calibration camchain.yaml",
+        file.string()));
   }
   std::string text = read_text(file);
   if (text.starts_with("%YAML:")) text.front() = '#';
@@ -72,21 +74,23 @@ struct Stamped {
   std::string file;
 };
 
+template <typename Row>
+double rate_of(const std::vector<Row>& rows) {
+  const double span_s = rows.size() < 2 ? 0 : to_s(rows.back().time - rows.front().time);
+  return span_s > 0 ? static_cast<double>(rows.size() - 1) / span_s : 1;
+}
+
 /// cam0/data.csv: stamp, file.
-std::vector<Stamped> read_frames(const fs::path& camera) {
+std::vector<Stamped> read_frames(const fs::path& camera, std::vector<std::string>& warnings) {
   std::vector<Stamped> frames;
   for (const auto& row : read_table(camera / "data.csv", ',', 2)) {
-    const Nanos time = row.stamp(0);
-    if (!frames.empty()) check_rises(row, frames.back().time, time);
     const fs::path name = row.text(1);
     if (name.empty() || name.has_parent_path() || name == "." || name == "..") {
       row.fail("'" + name.string() + "' is not the name of a picture");
     }
-    if (!fs::is_regular_file(camera / "data" / name)) {
-      row.fail("the picture '" + (camera / "data" / name).string() + "' is missing");
-    }
-    frames.push_back({time, name.string()});
+    frames.push_back({row.stamp(0), name.string()});
   }
+  keep_rising(frames, "'" + (camera / "data.csv").string() + "'", warnings);
   return frames;
 }
 
@@ -156,14 +160,46 @@ void check_imu(const std::string& what, const std::vector<ImuSample>& imu) {
 
 namespace {
 
-void read_cameras(const fs::path& root, Sequence& sequence) {
+/// Where no sensor.yaml says what a camera is: of the file that was given, or TUM-VI's.
+std::vector<GivenCamera> given_cameras(const fs::path& root, const ReadOptions& options) {
+  if (!options.calibration.empty()) return read_calibration(options.calibration);
+  const fs::path tum_vi = root.parent_path() / "dso" / "camchain.yaml";
+  const bool is_tum_vi = !fs::exists(root / "cam0" / "sensor.yaml") && fs::exists(tum_vi);
+  return is_tum_vi ? read_calibration(tum_vi) : std::vector<GivenCamera>();
+}
+
+/// @param before  The camera before it, if there is one.
+CameraModel placed(const GivenCamera& given, const CameraModel* before, const std::string& name) {
+  CameraModel model = given.model;
+  if (given.body_from_camera) {
+    model.body_from_camera = *given.body_from_camera;
+  } else if (before != nullptr && given.before_from_camera) {
+    model.body_from_camera = before->body_from_camera * *given.before_from_camera;
+  } else if (before != nullptr) {
+    throw_bad_input("the calibration does not say where " + name + " sits");
+  }
+  return model;
+}
+
+void read_cameras(const fs::path& root, const ReadOptions& options, Sequence& sequence) {
+  const auto given = given_cameras(root, options);
   std::vector<std::vector<Stamped>> pictures;
   std::vector<fs::path> folders;
   for (const char* name : {"cam0", "cam1"}) {
     if (!fs::exists(root / name)) continue;
     folders.push_back(root / name);
-    sequence.cameras.push_back(read_camera_yaml(root / name / "sensor.yaml"));
-    pictures.push_back(read_frames(root / name));
+    pictures.push_back(read_frames(root / name, sequence.warnings));
+    const std::size_t camera = sequence.cameras.size();
+    if (given.empty()) {
+      sequence.cameras.push_back(read_camera_yaml(root / name / "sensor.yaml"));
+    } else if (camera < given.size()) {
+      const CameraModel* const before = camera == 0 ? nullptr : &sequence.cameras.back();
+      sequence.cameras.push_back(placed(given[camera], before, name));
+      sequence.cameras.back().rate_hz = rate_of(pictures.back());
+    } else {
+      throw_bad_input(fmt::format("the calibration has {} cameras, and '{}' has {}", given.size(),
+                                  root.string(), name));
+    }
   }
   if (pictures.empty()) throw_bad_input("'" + root.string() + "' has no cam0");
   std::vector<std::vector<std::string>> files(pictures.size());
@@ -173,7 +209,8 @@ void read_cameras(const fs::path& root, Sequence& sequence) {
   }
   Partners partners;
   if (pictures.size() > 1) {
-    partners = pair_stamps(stamps_of(pictures[0]), stamps_of(pictures[1]), sequence.warnings);
+    partners = pair_stamps(stamps_of(pictures[0]), stamps_of(pictures[1]), options.pair_tolerance,
+                           sequence.warnings);
   }
   for (std::size_t i = 0; i < pictures[0].size(); ++i) {
     files[0].push_back(pictures[0][i].file);
@@ -190,13 +227,21 @@ void read_cameras(const fs::path& root, Sequence& sequence) {
 
 void read_imu(const fs::path& root, Sequence& sequence) {
   if (!fs::exists(root / "imu0")) return;
-  sequence.imu_model = read_imu_yaml(root / "imu0" / "sensor.yaml");
-  sequence.imu = read_imu_csv(root / "imu0" / "data.csv");
-  check_step("'" + (root / "imu0" / "data.csv").string() + "'", stamps_of(sequence.imu),
-             sequence.imu_model->rate_hz);
-  const Pose body_from_imu = read_extrinsics(read_sensor(root / "imu0" / "sensor.yaml"));
+  const fs::path file = root / "imu0" / "data.csv";
+  const fs::path sensor = root / "imu0" / "sensor.yaml";
+  sequence.imu = read_imu_csv(file, sequence.warnings);
+  // TUM-VI has its model elsewhere, and the IMU as body.
+  const bool is_given = !fs::exists(sensor) && !fs::exists(root / "cam0" / "sensor.yaml");
+  sequence.imu_model =
+      is_given ? ImuModel{.rate_hz = rate_of(sequence.imu)} : read_imu_yaml(sensor);
+  check_step("'" + file.string() + "'", stamps_of(sequence.imu), sequence.imu_model->rate_hz);
+  if (is_given) {
+    sequence.warnings.push_back("no imu0/sensor.yaml: the IMU is taken to be as noisy as EuRoC's");
+    return;
+  }
+  const Pose body_from_imu = read_extrinsics(read_sensor(sensor));
   if (body_from_imu.position.norm() > 1e-6) {
-    throw_bad_input("'" + (root / "imu0" / "sensor.yaml").string() +
+    throw_bad_input("'" + sensor.string() +
                     "': the IMU is not at the body's origin; give T_BS of all sensors with the "
                     "IMU as body");
   }
@@ -250,12 +295,11 @@ ImuModel read_imu_yaml(const fs::path& file) {
   return model;
 }
 
-std::vector<ImuSample> read_imu_csv(const fs::path& file) {
+std::vector<ImuSample> read_imu_csv(const fs::path& file, std::vector<std::string>& warnings) {
   std::vector<ImuSample> imu;
   for (const auto& row : read_table(file, ',', 7)) {
     ImuSample sample;
     sample.time = row.stamp(0);
-    if (!imu.empty()) check_rises(row, imu.back().time, sample.time);
     for (int axis = 0; axis < 3; ++axis) {
       sample.gyro_rad_s(axis) = row.number(std::size_t{1} + static_cast<std::size_t>(axis));
       sample.accel_m_s2(axis) = row.number(std::size_t{4} + static_cast<std::size_t>(axis));
@@ -266,44 +310,48 @@ std::vector<ImuSample> read_imu_csv(const fs::path& file) {
     }
     imu.push_back(sample);
   }
+  keep_rising(imu, "'" + file.string() + "'", warnings);
   check_imu("'" + file.string() + "'", imu);
   return imu;
 }
 
-std::vector<TruthRow> read_truth_csv(const fs::path& file) {
+std::vector<TruthRow> read_truth_csv(const fs::path& file, std::vector<std::string>& warnings) {
   std::vector<TruthRow> truth;
-  for (const auto& row : read_table(file, ',', 17)) {
+  constexpr std::size_t kState = 17, kPose = 8;
+  for (const auto& row : read_table(file, ',', 0)) {
+    if (row.size() != kState && row.size() != kPose) {
+      row.fail(fmt::format("has {} columns, expected {} or {}; is the file cut off?", row.size(),
+                           kState, kPose));
+    }
     const auto vector = [&](std::size_t column) {
       return Eigen::Vector3d(row.number(column), row.number(column + 1), row.number(column + 2));
     };
     TruthRow state;
     state.time = row.stamp(0);
-    if (!truth.empty()) check_rises(row, truth.back().time, state.time);
-    const Eigen::Quaterniond q(row.number(4), row.number(5), row.number(6), row.number(7));
-    if (std::abs(q.norm() - 1.0) > kRotationTolerance) {
-      row.fail("the quaternion (w, x, y, z) has not length 1");
+    state.body = {row.rotation(4, 5), vector(1)};
+    if (row.size() == kState) {
+      state.velocity_m_s = vector(8);
+      state.gyro_bias_rad_s = vector(11);
+      state.accel_bias_m_s2 = vector(14);
     }
-    state.body = {q.normalized().toRotationMatrix(), vector(1)};
-    state.velocity_m_s = vector(8);
-    state.gyro_bias_rad_s = vector(11);
-    state.accel_bias_m_s2 = vector(14);
     truth.push_back(state);
   }
+  const std::string what = "'" + file.string() + "'";
+  keep_rising(truth, what, warnings);
+  check_step(what, stamps_of(truth));
   return truth;
 }
 
-Sequence read_euroc(const fs::path& folder, bool imu) {
+Sequence read_euroc(const fs::path& folder, const ReadOptions& options) {
   const fs::path root = fs::exists(folder / "mav0") ? folder / "mav0" : folder;
   Sequence sequence;
   sequence.name = folder.string();
-  read_cameras(root, sequence);
-  if (imu) read_imu(root, sequence);
-  const fs::path truth = root / "state_groundtruth_estimate0" / "data.csv";
-  if (fs::exists(truth)) {
-    sequence.truth = read_truth_csv(truth);
-    check_step("'" + truth.string() + "'", stamps_of(sequence.truth));
+  read_cameras(root, options, sequence);
+  if (options.imu) read_imu(root, sequence);
+  for (const char* name : {"state_groundtruth_estimate0", "mocap0"}) {
+    const fs::path truth = root / name / "data.csv";
+    if (fs::exists(truth)) sequence.truth = read_truth_csv(truth, sequence.warnings);
   }
-  std::ranges::move(gaps_of(sequence), std::back_inserter(sequence.warnings));
   return sequence;
 }
 

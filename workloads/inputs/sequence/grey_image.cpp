@@ -41,10 +41,14 @@ GreyImage read_grey_image(const std::filesystem::path& file, int width, int heig
     refuse(file, fmt::format("it has {}x{} pixels, its camera's calibration says {}x{}",
                              check.header->width, check.header->height, width, height));
   }
-  const cv::Mat pixels = decode_unchanged(bytes);
+  cv::Mat pixels = decode_unchanged(bytes);
   if (pixels.empty()) refuse(file, "its pixels do not decode");
+  if (pixels.type() == CV_16UC1) {
+    const std::string why_not = take_upper_bits(pixels);
+    if (!why_not.empty()) refuse(file, why_not);
+  }
   if (pixels.type() != CV_8UC1) {
-    refuse(file, fmt::format("it has {} channels of {} bits, expected 8-bit grey",
+    refuse(file, fmt::format("it has {} channels of {} bits, expected grey of 8 or 16",
                              pixels.channels(), 8 * pixels.elemSize1()));
   }
   GreyImage image{width, height, {}};

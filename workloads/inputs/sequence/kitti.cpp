@@ -6,6 +6,7 @@
 #include <charconv>
 #include <cmath>
 #include <map>
+#include <optional>
 
 #include "workloads/base/error.h"
 #include "workloads/base/math/pixel_index.h"
@@ -104,6 +105,7 @@ std::vector<std::size_t> rows_of(const fs::path& file, std::size_t rows, const c
   return positions;
 }
 
+/// Of each picture; they need not rise.
 std::vector<Nanos> read_times(const fs::path& folder, Sequence& sequence,
                               const std::vector<Number>& numbers) {
   const fs::path file = folder / "times.txt";
@@ -118,28 +120,31 @@ std::vector<Nanos> read_times(const fs::path& folder, Sequence& sequence,
     }
     return times;
   }
-  std::vector<Nanos> all;
-  for (const auto& row : read_table(file, ' ', 1)) {
-    const Nanos time = row.seconds(0);
-    if (!all.empty()) check_rises(row, all.back(), time);
-    all.push_back(time);
+  const auto rows = read_table(file, ' ', 1);
+  for (const std::size_t row : rows_of(file, rows.size(), "times", numbers)) {
+    times.push_back(rows[row].seconds(0));
   }
-  for (const std::size_t row : rows_of(file, all.size(), "times", numbers)) {
-    times.push_back(all[row]);
-  }
-  check_step("'" + file.string() + "'", times);
   return times;
 }
 
-void read_poses(const fs::path& file, Sequence& sequence, const std::vector<Number>& numbers) {
+/// By the left picture, all of one number.
+struct Shot {
+  Nanos time{};
+  std::size_t place = 0;  ///< Among those of the left camera.
+  fs::path left;
+  std::optional<fs::path> right;
+};
+
+void read_poses(const fs::path& file, Sequence& sequence, const std::vector<Number>& numbers,
+                const std::vector<Shot>& shots) {
   if (!fs::exists(file)) return;
   const auto poses = read_table(file, ' ', 0);
   const auto rows = rows_of(file, poses.size(), "poses", numbers);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const TableRow& from = poses[rows[i]];
+  for (const Shot& shot : shots) {
+    const TableRow& from = poses[rows[shot.place]];
     const Matrix34 pose = matrix_of(from);
     TruthRow row;
-    row.time = sequence.frames[i].time;
+    row.time = shot.time;
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c) row.body.rotation(r, c) = pose[pixel_index(c, r, 4)];
       row.body.position(r) = pose[pixel_index(3, r, 4)];
@@ -165,35 +170,37 @@ Sequence read_kitti(const fs::path& folder) {
   const fs::path left = first_of(folder, {"image_0", "image_l"});
   if (left.empty()) throw_bad_input("'" + folder.string() + "' has neither image_0 nor image_l");
   const fs::path right = first_of(folder, {"image_1", "image_r"});
-  std::vector<std::vector<fs::path>> files(right.empty() ? 1 : 2);
+  const auto others = right.empty() ? std::map<Number, fs::path>() : numbered_pictures(right);
   std::vector<Number> numbers;
+  std::vector<Shot> shots;
   for (const auto& [number, file] : numbered_pictures(left)) {
+    const auto other = others.find(number);
+    shots.push_back({.place = numbers.size(), .left = file, .right = {}});
+    if (other != others.end()) shots.back().right = other->second;
     numbers.push_back(number);
-    files[0].push_back(file);
   }
+  const auto times = read_times(folder, sequence, numbers);
+  for (std::size_t i = 0; i < shots.size(); ++i) shots[i].time = times[i];
+  const std::string what = "'" + (folder / "times.txt").string() + "'";
+  keep_rising(shots, what, sequence.warnings);
+  check_step(what, stamps_of(shots));
   Partners partners;
-  if (!right.empty()) {
-    const auto others = numbered_pictures(right);
-    for (const Number number : numbers) {
-      const auto other = others.find(number);
-      const bool there = other != others.end();
-      partners.push_back(there ? std::optional(files[1].size()) : std::nullopt);
-      files[1].push_back(there ? other->second : fs::path());
-    }
+  for (std::size_t i = 0; i < shots.size() && !right.empty(); ++i) {
+    partners.push_back(shots[i].right ? std::optional(i) : std::nullopt);
   }
-  const GreySize size = grey_size(files[0].front());
-  for (std::size_t i = 0; i < files.size(); ++i) {
+  const GreySize size = grey_size(shots.front().left);
+  for (std::size_t i = 0; i < (right.empty() ? 1U : 2U); ++i) {
     sequence.cameras.push_back(camera_of(projection_of(calibration, i), calibration));
     sequence.cameras.back().width = size.width;
     sequence.cameras.back().height = size.height;
   }
-  make_frames(sequence, read_times(folder, sequence, numbers), partners,
+  make_frames(sequence, stamps_of(shots), partners,
               {left.filename().string(), right.filename().string()});
-  read_poses(folder / "poses.txt", sequence, numbers);
-  sequence.image = [files, size](std::size_t frame, std::size_t camera) {
-    return read_grey_image(files[camera][frame], size.width, size.height);
+  read_poses(folder / "poses.txt", sequence, numbers, shots);
+  sequence.image = [shots, size](std::size_t frame, std::size_t camera) {
+    const Shot& shot = shots[frame];
+    return read_grey_image(camera == 0 ? shot.left : shot.right.value(), size.width, size.height);
   };
-  std::ranges::move(gaps_of(sequence), std::back_inserter(sequence.warnings));
   return sequence;
 }
 

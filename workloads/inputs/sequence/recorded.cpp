@@ -81,9 +81,12 @@ bool is_same_camera(const std::string& topic, const std::string& other) {
 
 class Reader {
  public:
-  Reader(std::shared_ptr<const Recording> recording, const SequenceTopics& topics,
-         std::vector<GivenCamera> given)
-      : recording_(std::move(recording)), chosen_(topics), given_(std::move(given)) {}
+  Reader(std::shared_ptr<const Recording> recording, const ReadOptions& options)
+      : recording_(std::move(recording)),
+        options_(options),
+        chosen_(options.topics),
+        given_(options.calibration.empty() ? std::vector<GivenCamera>()
+                                           : read_calibration(options.calibration)) {}
 
   Sequence read() {
     sequence_.name = recording_->file();
@@ -95,7 +98,6 @@ class Reader {
     place_cameras();
     frame_pictures();
     read_truth();
-    std::ranges::move(gaps_of(sequence_), std::back_inserter(sequence_.warnings));
     return std::move(sequence_);
   }
 
@@ -320,7 +322,7 @@ class Reader {
   /// One topic, or the gyroscope's and the accelerometer's; none if there is no IMU.
   [[nodiscard]] std::vector<std::size_t> find_imu() const {
     std::vector<Inertial> found;
-    if (chosen_.imu == kNone) return {};
+    if (!options_.imu || chosen_.imu == kNone) return {};
     if (chosen_.imu) {
       for (const auto& name : split(*chosen_.imu, '+')) {
         found.push_back(look_at_imu(checked(name, {ImuMessage::kType})));
@@ -450,7 +452,8 @@ class Reader {
     const auto left = stamps_of(cameras_.front().pictures);
     Partners partners;
     if (cameras_.size() > 1) {
-      partners = pair_stamps(left, stamps_of(cameras_[1].pictures), sequence_.warnings);
+      partners = pair_stamps(left, stamps_of(cameras_[1].pictures), options_.pair_tolerance,
+                             sequence_.warnings);
     }
     make_frames(sequence_, left, partners,
                 {topic(cameras_.front().topic).name, topic(cameras_.back().topic).name});
@@ -502,11 +505,12 @@ class Reader {
                       "later and less even",
                       topic(id).name));
     }
-    keep_rising(rows, topic(id).name, sequence_.warnings);
+    keep_rising(rows, topic(id).name, sequence_.warnings, Nanos::zero());
     check_step("'" + recording_->file() + "': " + topic(id).name, stamps_of(rows));
   }
 
   std::shared_ptr<const Recording> recording_;
+  const ReadOptions& options_;
   const SequenceTopics& chosen_;
   std::vector<GivenCamera> given_;
   Transforms transforms_;
@@ -546,11 +550,8 @@ SequenceTopics parse_topics(const std::string& text) {
   return topics;
 }
 
-Sequence read_recording(const std::filesystem::path& file, const SequenceTopics& topics,
-                        const std::filesystem::path& calibration) {
-  return Reader(open_recording(file), topics,
-                calibration.empty() ? std::vector<GivenCamera>() : read_calibration(calibration))
-      .read();
+Sequence read_recording(const std::filesystem::path& file, const ReadOptions& options) {
+  return Reader(open_recording(file), options).read();
 }
 
 }  // namespace pirt

@@ -3,17 +3,12 @@
 
 #include <filesystem>
 #include <functional>
-#include <optional>
 #include <string>
 
 #include "workloads/inputs/sequence/sequence.h"
 
 namespace pirt {
 
-/// Names of topics; "none" = without it, absent = found by its type.
-struct SequenceTopics {
-  std::optional<std::string> left, right, imu, truth;
-};
 /// "left=/cam0/image_raw,imu=none". @throws Error{kBadInput} for another key.
 [[nodiscard]] SequenceTopics parse_topics(const std::string& text);
 
@@ -29,13 +24,12 @@ struct SequenceTopics {
 /// its name. Stamps are those of messages; where most of a topic's are 0, the times of recording.
 /// What cannot be used is left out with a warning; how noisy the IMU is no message says: ImuModel's
 /// defaults are taken.
-/// @param calibration  Empty, or a file or folder (calibration_file.h) that says what CameraInfo
-///                     would, by the topics that it names, else left first; with the IMU as body.
+/// A calibration that is given says what CameraInfo would, by the topics that it names, else left
+/// first; with the IMU as body.
 /// @throws Error{kBadInput} naming the topics that there are if one is missing or several could be
 /// meant.
 [[nodiscard]] Sequence read_recording(const std::filesystem::path& file,
-                                      const SequenceTopics& topics = {},
-                                      const std::filesystem::path& calibration = {});
+                                      const ReadOptions& options = {});
 
 /// Writes /cam0/image_raw, /cam0/camera_info, ..., /imu0, /truth and /tf_static, in order of time.
 /// @param file      .bag, or .db3.

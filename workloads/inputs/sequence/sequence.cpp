@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <iterator>
 
 #include "workloads/base/error.h"
 #include "workloads/inputs/recording/recording.h"
@@ -66,8 +67,7 @@ void judge_truth(const Sequence& sequence, std::vector<std::string>& found) {
       to_s(truth.back().time - sequence.frames.front().time), to_s(kLongestTruthGap)));
 }
 
-}  // namespace
-
+/// What a run can live with, but its user should know.
 std::vector<std::string> gaps_of(const Sequence& sequence) {
   std::vector<std::string> found;
   find_gaps(sequence.frames, "camera", found);
@@ -96,17 +96,21 @@ std::vector<std::string> gaps_of(const Sequence& sequence) {
   return found;
 }
 
-Sequence read_sequence(const fs::path& path, bool imu) {
-  if (names_a_recording(path)) {
-    return read_recording(path, imu ? SequenceTopics{} : parse_topics("imu=none"));
+Sequence read_layout(const fs::path& folder, const ReadOptions& options) {
+  if (names_a_recording(folder)) return read_recording(folder, options);
+  const auto& topics = options.topics;
+  if (topics.left || topics.right || topics.imu || topics.truth) {
+    throw_bad_input("topics (--topics) are of recordings (.bag, .db3, .mcap), and '" +
+                    folder.string() + "' is none");
   }
-  const fs::path& folder = path;
   if (!fs::is_directory(folder)) {
     throw_bad_input("'" + folder.string() +
                     "' is no folder; give the folder of a sequence, or a recording of ROS (.bag, "
                     ".db3, .mcap)");
   }
-  if (fs::exists(folder / "mav0") || fs::exists(folder / "cam0")) return read_euroc(folder, imu);
+  if (fs::exists(folder / "mav0") || fs::exists(folder / "cam0")) {
+    return read_euroc(folder, options);
+  }
   if (fs::exists(folder / "calib.txt") || fs::exists(folder / "image_0") ||
       fs::exists(folder / "image_l")) {
     return read_kitti(folder);
@@ -115,6 +119,15 @@ Sequence read_sequence(const fs::path& path, bool imu) {
       "'" + folder.string() +
       "' is no sequence: EuRoC's layout has mav0/cam0, KITTI's calib.txt and image_0, ROS 2's a "
       ".db3 or .mcap");
+}
+
+}  // namespace
+
+Sequence read_sequence(const fs::path& path, const ReadOptions& options) {
+  Sequence sequence = read_layout(path, options);
+  if (!options.truth.empty()) sequence.truth = read_tum(options.truth, sequence.warnings);
+  std::ranges::move(gaps_of(sequence), std::back_inserter(sequence.warnings));
+  return sequence;
 }
 
 }  // namespace pirt

@@ -61,31 +61,58 @@ struct Sequence {
   [[nodiscard]] bool stereo() const { return cameras.size() > 1; }
 };
 
-/// Either layout, told apart by what is in the folder (mav0 or cam0: EuRoC; calib.txt: KITTI).
-/// @param imu  False: one that is there is not read, nor judged.
-/// @throws Error{kBadInput} naming both layouts if it is neither.
-[[nodiscard]] Sequence read_sequence(const std::filesystem::path& folder, bool imu = true);
+/// Names of a recording's topics; "none" = without it, absent = found by its type.
+struct SequenceTopics {
+  std::optional<std::string> left, right, imu, truth;
+};
+
+/// Pictures of two cameras that are no farther apart are of one moment.
+inline constexpr Nanos kPairTolerance = std::chrono::milliseconds(3);
+
+struct ReadOptions {
+  bool imu = true;             ///< False: one that is there is not read, nor judged.
+  SequenceTopics topics = {};  ///< Of a recording.
+  /// What a recording, or a folder of EuRoC's layout, does not say of its cameras
+  /// (calibration_file.h).
+  std::filesystem::path calibration = {};
+  std::filesystem::path truth = {};  ///< In the TUM format, in place of the sequence's own.
+  Nanos pair_tolerance = kPairTolerance;
+};
+
+/// Any layout, told apart by what is in the folder (mav0 or cam0: EuRoC; calib.txt: KITTI), or a
+/// recording (recorded.h). Warns of gaps in stamps, an IMU that does not cover the frames, truth
+/// that is rare: what a run can live with, but its user should know.
+/// @throws Error{kBadInput} naming the layouts if it is none.
+[[nodiscard]] Sequence read_sequence(const std::filesystem::path& path,
+                                     const ReadOptions& options = {});
 
 /// EuRoC's ASL layout: [mav0/]{cam0,cam1,imu0}/{data.csv,sensor.yaml}, camN/data/*.png, and, if it
 /// is there, state_groundtruth_estimate0/data.csv. Frames are those of cam0; a picture of cam1
 /// belongs to the frame that is nearest (stamps.h). The second camera and the IMU may be absent.
-/// @throws Error{kBadInput} with file:line for numbers that are none, stamps that do not rise, and
-/// units that cannot be (degrees, g, millimetres).
-[[nodiscard]] Sequence read_euroc(const std::filesystem::path& folder, bool imu = true);
+/// Also as TUM-VI has it: mocap0/data.csv, and dso/camchain.yaml in place of sensor.yaml. Of
+/// pictures of 16 bits the upper 8 are taken.
+/// @throws Error{kBadInput} with file:line for numbers that are none, and units that cannot be
+/// (degrees, g, millimetres).
+[[nodiscard]] Sequence read_euroc(const std::filesystem::path& folder,
+                                  const ReadOptions& options = {});
 
 /// KITTI odometry: calib.txt (P0, P1), image_0 or image_l, image_1 or image_r, times.txt,
 /// poses.txt. Body = left camera. Without times.txt frames are 0.1 s apart, which a warning says.
 /// Pictures are in order of the numbers in their names, and those of one number belong together.
 [[nodiscard]] Sequence read_kitti(const std::filesystem::path& folder);
 
-/// The rows of EuRoC's imu0/data.csv and state_groundtruth_estimate0/data.csv.
-[[nodiscard]] std::vector<ImuSample> read_imu_csv(const std::filesystem::path& file);
-[[nodiscard]] std::vector<TruthRow> read_truth_csv(const std::filesystem::path& file);
+/// The rows of EuRoC's imu0/data.csv and state_groundtruth_estimate0/data.csv, or of TUM-VI's
+/// mocap0/data.csv, which has poses alone. What does not rise is left out with a warning.
+[[nodiscard]] std::vector<ImuSample> read_imu_csv(const std::filesystem::path& file,
+                                                  std::vector<std::string>& warnings);
+[[nodiscard]] std::vector<TruthRow> read_truth_csv(const std::filesystem::path& file,
+                                                   std::vector<std::string>& warnings);
 /// EuRoC's cam0/sensor.yaml and imu0/sensor.yaml.
 [[nodiscard]] CameraModel read_camera_yaml(const std::filesystem::path& file);
 [[nodiscard]] ImuModel read_imu_yaml(const std::filesystem::path& file);
 
-/// A grey PNG. @throws Error{kBadInput} naming the file unless it is whole, 8-bit grey and
+/// A grey PNG. @throws Error{kBadInput} naming the file unless it is whole, grey of 8 or 16 bits
+/// and
 /// @p width x @p height.
 [[nodiscard]] GreyImage read_grey_image(const std::filesystem::path& file, int width, int height);
 
@@ -94,9 +121,5 @@ struct GreySize {
   int width = 0, height = 0;
 };
 [[nodiscard]] GreySize grey_size(const std::filesystem::path& file);
-
-/// Gaps in stamps, an IMU that does not cover the frames: what a run can live with, but its user
-/// should know.
-[[nodiscard]] std::vector<std::string> gaps_of(const Sequence& sequence);
 
 }  // namespace pirt

@@ -40,11 +40,11 @@ void check_step(const std::string& what, std::vector<Nanos> stamps, std::optiona
   }
 }
 
-std::vector<std::size_t> rising(const std::vector<Nanos>& stamps) {
+std::vector<std::size_t> rising(const std::vector<Nanos>& stamps, Nanos after) {
   // tails[n]: where a run of n + 1 stamps that rise ends earliest, so far.
   std::vector<std::size_t> tails, before(stamps.size());
   for (std::size_t i = 0; i < stamps.size(); ++i) {
-    if (stamps[i] == Nanos::zero()) continue;
+    if (stamps[i] <= after) continue;
     const auto place = std::ranges::lower_bound(tails, stamps[i], {},
                                                 [&](std::size_t tail) { return stamps[tail]; });
     before[i] = place == tails.begin() ? i : *(place - 1);
@@ -64,7 +64,7 @@ void tell_of_rising(const std::string& what, std::size_t kept, std::size_t all,
                     std::vector<std::string>& warnings) {
   if (kept == all) return;
   const std::string left_out = fmt::format(
-      "{} of {} messages of {} are not used: their stamps do not rise", all - kept, all, what);
+      "{} of {} stamps of {} do not rise, and what has them is not used", all - kept, all, what);
   if (2 * kept < all) {
     throw_bad_input(left_out + "; a sequence needs stamps of when its messages were made");
   }
@@ -72,10 +72,9 @@ void tell_of_rising(const std::string& what, std::size_t kept, std::size_t all,
 }
 
 Partners pair_stamps(const std::vector<Nanos>& left, const std::vector<Nanos>& right,
-                     std::vector<std::string>& warnings) {
+                     Nanos tolerance, std::vector<std::string>& warnings) {
   const Nanos step = usual_step(left);
-  const Nanos tolerance =
-      step > Nanos::zero() ? std::min(kPairTolerance, step / 3) : kPairTolerance;
+  if (step > Nanos::zero()) tolerance = std::min(tolerance, step / 3);
   Partners partners;
   Nanos farthest{};
   std::size_t next = 0;  // of the right ones: each has one partner
@@ -91,8 +90,7 @@ Partners pair_stamps(const std::vector<Nanos>& left, const std::vector<Nanos>& r
   if (farthest > Nanos::zero()) {
     warnings.push_back(
         fmt::format("pictures of the two cameras are up to {:.3f} ms apart and taken to be of one "
-                    "moment (up to "
-                    "{:.1f} ms are)",
+                    "moment (up to {:.1f} ms are: --stereo-tolerance)",
                     to_ms(farthest), to_ms(tolerance)));
   }
   return partners;
@@ -110,8 +108,8 @@ void make_frames(Sequence& sequence, const std::vector<Nanos>& left, const Partn
   if (partners.empty() || pairs == std::ssize(left)) return;
   sequence.warnings.push_back(
       pairs == 0
-          ? fmt::format("{} is not used: none of its pictures is of the same moment as one of "
-                        "{}",
+          ? fmt::format("{} is not used: none of its pictures is of the same moment as one of {} "
+                        "(3 ms, or what --stereo-tolerance says)",
                         names.second, names.first)
           : fmt::format("{} of {} frames of {} have no picture of {}", std::ssize(left) - pairs,
                         left.size(), names.first, names.second));

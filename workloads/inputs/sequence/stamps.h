@@ -11,9 +11,6 @@
 
 namespace pirt {
 
-/// Pictures of two cameras that are no farther apart are of one moment.
-inline constexpr Nanos kPairTolerance = std::chrono::milliseconds(3);
-
 /// For so long a robot is predicted that nothing is known of; after a longer gap where it is is a
 /// guess.
 inline constexpr Nanos kLongestPrediction = std::chrono::seconds(30);
@@ -25,9 +22,11 @@ void check_step(const std::string& what, std::vector<Nanos> stamps,
                 std::optional<double> rate_hz = {});
 
 /// Positions of the most stamps that rise strictly: one that is far ahead goes, not all after it.
-/// What is 0 has no stamp.
-[[nodiscard]] std::vector<std::size_t> rising(const std::vector<Nanos>& stamps);
-/// Says how many of a topic's messages are left out. @throws Error{kBadInput} for more than half.
+/// @param after  None up to this one: of messages 0, which is no stamp.
+[[nodiscard]] std::vector<std::size_t> rising(const std::vector<Nanos>& stamps,
+                                              Nanos after = Nanos::min());
+/// Says how many of a topic's, or a file's, are left out. @throws Error{kBadInput} for more than
+/// half.
 void tell_of_rising(const std::string& what, std::size_t kept, std::size_t all,
                     std::vector<std::string>& warnings);
 
@@ -41,18 +40,18 @@ template <typename Row>
 /// What comes twice or late was recorded so: it is left out, and said.
 template <typename Row>
 void keep_rising(std::vector<Row>& rows, const std::string& what,
-                 std::vector<std::string>& warnings) {
+                 std::vector<std::string>& warnings, Nanos after = Nanos::min()) {
   std::vector<Row> kept;
-  for (const std::size_t i : rising(stamps_of(rows))) kept.push_back(std::move(rows[i]));
+  for (const std::size_t i : rising(stamps_of(rows), after)) kept.push_back(std::move(rows[i]));
   tell_of_rising(what, kept.size(), rows.size(), warnings);
   rows = std::move(kept);
 }
 
 /// Of each left picture the position of the right one.
 using Partners = std::vector<std::optional<std::size_t>>;
-/// The nearest within kPairTolerance, and a third of the usual step; warns if some are apart.
+/// The nearest within @p tolerance, and a third of the usual step; warns if some are apart.
 [[nodiscard]] Partners pair_stamps(const std::vector<Nanos>& left, const std::vector<Nanos>& right,
-                                   std::vector<std::string>& warnings);
+                                   Nanos tolerance, std::vector<std::string>& warnings);
 /// Makes the frames of the left camera's stamps. A second camera none of whose pictures has a
 /// partner is taken away: it would tell no scale.
 /// @param partners  Empty = there is one camera.

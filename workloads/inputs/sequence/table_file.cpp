@@ -2,7 +2,10 @@
 
 #include <fmt/core.h>
 
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <limits>
 
 #include "workloads/base/error.h"
@@ -59,6 +62,16 @@ Nanos TableRow::stamp(std::size_t column) const {
   return Nanos(*read.value);
 }
 
+Eigen::Matrix3d TableRow::rotation(std::size_t w, std::size_t x) const {
+  constexpr double kTolerance = 1e-3;
+  const Eigen::Quaterniond q(number(w), number(x), number(x + 1), number(x + 2));
+  if (!(std::abs(q.norm() - 1.0) <= kTolerance)) {
+    fail(fmt::format("the quaternion in columns {} to {} has not length 1", std::min(w, x) + 1,
+                     std::max(w, x + 2) + 1));
+  }
+  return q.normalized().toRotationMatrix();
+}
+
 void TableRow::fail(const std::string& message) const { throw_bad_input(place_ + ": " + message); }
 
 std::vector<TableRow> read_table(const std::filesystem::path& file, char separator,
@@ -78,14 +91,6 @@ std::vector<TableRow> read_table(const std::filesystem::path& file, char separat
   }
   if (rows.empty()) throw_bad_input(fmt::format("'{}' has no rows", file.string()));
   return rows;
-}
-
-void check_rises(const TableRow& row, Nanos previous, Nanos time) {
-  if (time > previous) return;
-  row.fail(fmt::format(
-      "the time stamp {} {} the one before, {}; stamps must rise: sort the rows "
-      "and take repeats away",
-      time.count(), time == previous ? "repeats" : "is earlier than", previous.count()));
 }
 
 }  // namespace pirt

@@ -1,6 +1,7 @@
 // Text files of numbers, a row a line: EuRoC's CSV and KITTI's blanks. Strict, with file:line.
 #pragma once
 
+#include <Eigen/Core>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -23,6 +24,8 @@ class TableRow {
   [[nodiscard]] Nanos seconds(std::size_t column) const;
   /// A stamp in nanoseconds, >= 0.
   [[nodiscard]] Nanos stamp(std::size_t column) const;
+  /// A unit quaternion, its real part first or last.
+  [[nodiscard]] Eigen::Matrix3d rotation(std::size_t w, std::size_t x) const;
   [[noreturn]] void fail(const std::string& message) const;
 
  private:
@@ -36,8 +39,5 @@ class TableRow {
 /// @throws Error{kBadInput} for a row with another number of cells, and for a file without rows.
 [[nodiscard]] std::vector<TableRow> read_table(const std::filesystem::path& file, char separator,
                                                std::size_t columns);
-
-/// Throws unless @p time is after @p previous; both of rows of one file.
-void check_rises(const TableRow& row, Nanos previous, Nanos time);
 
 }  // namespace pirt

@@ -8,6 +8,8 @@
 #include <cmath>
 
 #include "workloads/base/error.h"
+#include "workloads/inputs/sequence/stamps.h"
+#include "workloads/inputs/sequence/table_file.h"
 
 namespace pirt {
 namespace {
@@ -97,6 +99,19 @@ std::string tum_text(std::span<const StampedPose> trajectory) {
                         body.position.y(), body.position.z(), q.x(), q.y(), q.z(), q.w());
   }
   return text;
+}
+
+std::vector<TruthRow> read_tum(const std::filesystem::path& file,
+                               std::vector<std::string>& warnings) {
+  std::vector<TruthRow> truth;
+  for (const TableRow& row : read_table(file, ' ', 8)) {
+    const Eigen::Vector3d position(row.number(1), row.number(2), row.number(3));
+    truth.push_back({row.seconds(0), {row.rotation(7, 4), position}});
+  }
+  const std::string what = "'" + file.string() + "'";
+  keep_rising(truth, what, warnings);
+  check_step(what, stamps_of(truth));
+  return truth;
 }
 
 std::optional<Pose> truth_at(std::span<const TruthRow> truth, Nanos time) {

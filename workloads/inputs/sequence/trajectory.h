@@ -4,6 +4,7 @@
 // the TUM format); Umeyama, PAMI 1991 (alignment).
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <span>
 #include <string>
@@ -20,6 +21,11 @@ struct StampedPose {
 
 /// "seconds tx ty tz qx qy qz qw" a line, with a comment on top.
 [[nodiscard]] std::string tum_text(std::span<const StampedPose> trajectory);
+
+/// The rows of such a file. What does not rise is left out with a warning.
+/// @throws Error{kBadInput} with file:line.
+[[nodiscard]] std::vector<TruthRow> read_tum(const std::filesystem::path& file,
+                                             std::vector<std::string>& warnings);
 
 /// Truth that was lost for longer is not made up.
 inline constexpr Nanos kLongestTruthGap = std::chrono::milliseconds(300);

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <memory>
 #include <stdexcept>
 
 #include "opencl_files.h"
@@ -55,7 +56,8 @@ cl::Program build(const DeviceSession& session, std::string_view name, const std
   const std::lock_guard lock(session.programs->mutex);
   const auto [entry, is_new] = session.programs->built.try_emplace(options + '\n' + source);
   if (!is_new && entry->second() != nullptr) return entry->second;
-  cl::Program program(session.context, source, false);
+  auto made = std::make_unique<cl::Program>(session.context, source, false);
+  cl::Program& program = *made;
   try {
     program.build(session.device, options.c_str());
   } catch (const cl::BuildError& error) {
@@ -70,6 +72,14 @@ cl::Program build(const DeviceSession& session, std::string_view name, const std
         first_lines(logs.empty() ? std::string() : logs.front().second)));
   } catch (const cl::Error& error) {
     throw_translated(fmt::format("building {}", name), error);
+  } catch (const std::exception& error) {
+    // PoCL lets one through with the program's lock taken, so that releasing it would wait for
+    // ever.
+    static_cast<void>(made.release());
+    throw_environment(
+        fmt::format("opencl: building {} ends the driver's compiler ({}); is there a limit on "
+                    "memory (ulimit -v)?",
+                    name, error.what()));
   }
   return entry->second = program;
 }
