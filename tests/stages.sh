@@ -34,7 +34,7 @@ stage rusticl "${code[workloads]}" "$base mesa-opencl-icd" "every workload's Ope
 stage recordings "$all" "$base python3-numpy python3-opencv" "recordings, maps and models as others make them: ../shared/cases/recordings" check_recordings
 stage mcap "$all" "$base" "npm's readers of MCAP and Foxglove's schemas on what run-robot --record writes" check_mcap
 stage subdirectory "$all" "$base" "pirt as a part of another project" long_test subdirectory
-stage systems "$all" "$base jq sqlite3" "launchers, containers, boards: cases that lie beside the project" check_systems
+stage systems "$all" "$base jq sqlite3 locales" "launchers, containers, boards: cases that lie beside the project" check_systems
 stage packages "$all" "$base debootstrap lintian" "packages of Debian, installed, used and removed in a fresh root" check_packages
 stage unity-build "$all" "${PIRT_PACKAGES[*]}" "what cli/demo.sh builds, whose rooms are one source each, without a warning" build_united
 stage unity-tests "$all" "$base" "the tests of a build whose rooms are one source each, as who builds once has it" unity

@@ -23,6 +23,7 @@ wrong() { problems+=("$1"); }
 expect_02() { has '^rc=0$' && hasnt 'on battery'; }
 expect_03() { has '"level":"good"' && hasnt '100\.0|cooling'; }
 expect_04() { has VDD_IN && has VDD_GPU && has VDD_CPU && has 'rc=0'; }
+expect_06() { has 'rc=0|takes no new file'; }
 expect_07() {
   has 'sample rc=0'  # on a busy machine the others may say that they cannot tell
   hasnt 'regress rc=[124]|parse error|no answer'
@@ -36,8 +37,12 @@ expect_10() { has 'rc=0|noexec' && has 'TMPDIR|rc=0'; }
 expect_11() { has 'sobel' && has 'may not be made executable' && hasnt 'crashed \(SIG'; }
 expect_12() { has 'list rc=0' && has 'schedule rc=0' && has 'characterize rc=0' && has 'doctor rc=[01]$' && has 'report rc=0'; }
 expect_14() { has "control group" && has '"level":"spoils"' && has 'ran out of memory'; }
+expect_13() { has 'rc=0|replaced' && hasnt 'another program'; }
+expect_15() { has '0,1 \(1593 MHz, capacity 572\) and 2,3 \(2150 MHz, capacity 1024\)'; }
 expect_17() { has '^package-0 ' && hasnt 'counted once'; }
 expect_18() { has 'Esocket0.*package' && hasnt 'no Esocket0'; }
+expect_23() { hasnt 'overlaps [1-9]|negative [1-9]' && has 'c.json slices [0-9]+ tracks [0-9]+ overlaps 0 negative 0'; }
+expect_24() { hasnt 'rc=(1|2|137)$' && has 'no JetStream' && has 'storage' && has 'max_payload'; }
 expect_25() { has 'escape sequences: 0'; }
 expect_27() { hasnt 'internal error|rc=(1[2-9][0-9]|2[0-9][0-9])$'; }
 expect_32() { has 'rc=4' && hasnt 'still running'; }
@@ -46,10 +51,18 @@ expect_34() { has '^same' && has 'rc=0'; }
 expect_35() { has 'no /sys rc=0' && has 'subset=pid rc=0' && has 'no /proc schedule rc=0' && has 'no /proc characterize rc=[04]' && has 'as PID 1 rc=0'; }
 expect_40() { hasnt 'no file of that name|: [1-9]|: 0 [1-9]'; }
 
+# Case 34 needs a locale that few machines have: made from Debian's sources.
+prepare_34() {
+  LOCPATH=$scratch
+  localedef -i de_DE -f UTF-8 "$LOCPATH/de_DE.UTF-8" && export LOCPATH
+}
+
 # Of files, databases and clocks: what somebody else's work holds, or takes minutes.
-left_out='06|13|15|19|20|21|22|23|24|28|29|30|31|36|37|38|39'
+left_out='19|20|21|22|28|29|30|31|36|37|38|39'
 
 failed=()
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
 for each in "$folder"/*/; do
   name=$(basename "$each")
   number=${name%%-*}
@@ -58,7 +71,10 @@ for each in "$folder"/*/; do
   $wanted || continue
   if [[ $# -eq 0 && $number =~ ^($left_out)$ ]]; then continue; fi
   problems=()
-  output=$(timeout 600 bash "$each/cmd" 2>&1)
+  output=$(
+    if declare -F "prepare_$number" >/dev/null; then "prepare_$number"; fi
+    timeout 600 bash "$each/cmd" 2>&1
+  )
   code=$?
   if [[ $code -eq 77 ]] || grep -qE 'unshare failed|Operation not permitted|cgroup.*(No such file|Read-only)' <<<"$output"; then
     echo "$name: skipped: $(head -n 1 <<<"$output")"

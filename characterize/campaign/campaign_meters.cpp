@@ -9,7 +9,7 @@
 namespace pirt {
 namespace {
 
-constexpr int kWindowsACell = 3;  // idle, calls, idle
+constexpr int kWindowsACell = 3 * kMeteredRepeats;  // idle, calls, idle
 
 MeterRequest request_for(const std::vector<const Meter*>& meters,
                          const std::filesystem::path& sysfs) {

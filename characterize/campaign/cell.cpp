@@ -183,6 +183,7 @@ CellSamples CellMeasurement::samples(Phase phase) const {
   for (const Taken& taken : shown()) {
     const auto found = std::ranges::find(taken.result.phases, phase, &PhaseSamples::phase);
     if (found == taken.result.phases.end() || found->samples.empty()) continue;
+    all.odd_stamps += found->odd_stamps;
     const bool has_cpu = all.cpu.size() == all.samples.size() && !found->cpu.empty();
     all.samples.insert(all.samples.end(), found->samples.begin(), found->samples.end());
     all.processes.resize(all.samples.size(), process++);

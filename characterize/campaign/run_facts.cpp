@@ -7,6 +7,7 @@
 #include <ctime>
 #include <vector>
 
+#include "characterize/energy/nvml.h"
 #include "characterize/machine/inherited.h"
 #include "characterize/profile/profile.h"
 #include "characterize/worker/measure.h"
@@ -76,7 +77,10 @@ Environment unit_facts(const UnitModel& unit, const DeviceInfo& device) {
   if (!device.version.empty()) facts[prefix + "version"] = device.version;
   if (!device.tuning.empty()) facts[prefix + "tuning"] = device.tuning;
   if (!device.remark.empty()) facts[prefix + "remark"] = device.remark;
-  if (!device.pci.empty()) facts[prefix + "pci"] = device.pci;
+  if (!device.pci.empty()) {
+    facts[prefix + "pci"] = device.pci;
+    for (const auto& [name, value] : board_settings(device.pci)) facts[prefix + name] = value;
+  }
   const std::string options = describe_options(unit);
   if (!options.empty()) facts[prefix + "options"] = options;
   if (device.cache_bytes) facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);

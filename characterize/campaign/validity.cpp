@@ -121,6 +121,7 @@ Judgement judge(const CellSamples& samples, const CellConditions& conditions) {
     }
   }
   if (is_spoilt_by_others(conditions)) found.add("contended");
+  if (samples.has_many_odd_stamps()) found.add("odd_stamps");
   return found;
 }
 
@@ -135,6 +136,7 @@ std::vector<std::string> annotate(const CellSamples& samples, const CellConditio
   if (conditions.contended && !is_spoilt_by_others(conditions)) notes.emplace_back("contended");
   if (summary.bimodal) notes.emplace_back("bimodal");
   if (conditions.live) notes.emplace_back("live");
+  if (samples.odd_stamps > 0 && !samples.has_many_odd_stamps()) notes.emplace_back("odd_stamps");
   return notes;
 }
 

@@ -26,6 +26,13 @@ struct CellSamples {
   std::vector<std::int32_t> processes = {};  ///< Which process took each, from 0 in order of time.
   std::vector<Nanos> cpu = {};  ///< Processor time of each one's call; empty = not known.
   std::int64_t batch = 1;  ///< Calls between two readings of the clock: the fewest of any process.
+  std::int64_t odd_stamps = 0;  ///< PhaseSamples::odd_stamps, of all processes.
+
+  /// Whether so many stamps of the device cannot be that the others may be wrong as well.
+  [[nodiscard]] bool has_many_odd_stamps() const {
+    constexpr std::int64_t kOneIn = 100;
+    return kOneIn * odd_stamps > static_cast<std::int64_t>(samples.size());
+  }
 };
 
 /// What else is known of how a cell's samples were taken.

@@ -101,6 +101,12 @@ void judge_board(const NvmlBoardFacts& board, const std::string& check, Findings
         "kernels that reach the limit run slower",
         fmt::format("sudo nvidia-smi -i {} -pl {:.0f}", board.pci, *board.default_limit_w));
   }
+  if (board.core_mhz && board.default_core_mhz && *board.core_mhz < *board.default_core_mhz) {
+    add(Level::kNote,
+        fmt::format("its clock is set to {} MHz, {} MHz by default", *board.core_mhz,
+                    *board.default_core_mhz),
+        "everything on it runs slower", fmt::format("sudo nvidia-smi -i {} -rac", board.pci));
+  }
 }
 
 bool is_nvidia(const DeviceInfo& device) {

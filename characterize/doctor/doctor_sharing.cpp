@@ -1,7 +1,8 @@
-#include <fmt/core.h>
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <map>
 #include <utility>
 
 #include "characterize/doctor/doctor_checks.h"
@@ -28,6 +29,32 @@ std::optional<double> share(const std::optional<Nanos>& part_before,
   return std::clamp(to_s(*part_after - *part_before) / all, 0.0, 1.0);
 }
 
+/// "0,1 (1593 MHz, capacity 572) and 2,3 (2150 MHz, capacity 1024)"; empty where all are alike, but
+/// for what makers allow single cores of one kind.
+std::string kinds_of_cores(const DoctorInput& input) {
+  constexpr double kAlike = 0.85;
+  std::map<std::pair<std::int64_t, std::int64_t>, std::vector<int>> kinds;  // capacity, kHz
+  for (const int core : input.cores) {
+    const auto folder = input.root / fmt::format("sys/devices/system/cpu/cpu{}", core);
+    kinds[{read_number(folder / "cpu_capacity").value_or(0),
+           read_number(folder / "cpufreq/cpuinfo_max_freq").value_or(0)}]
+        .push_back(core);
+  }
+  if (kinds.empty()) return "";
+  const auto& [least, slow] = *kinds.begin();
+  const auto& [most, fast] = *kinds.rbegin();
+  const auto differ = [](std::int64_t low, std::int64_t high) {
+    return static_cast<double>(low) < kAlike * static_cast<double>(high);
+  };
+  if (!differ(least.first, most.first) && !differ(least.second, most.second)) return "";
+  std::vector<std::string> parts;
+  for (const auto& [kind, cores] : kinds) {
+    parts.push_back(fmt::format("{} ({} MHz{})", fmt::join(cores, ","), kind.second / 1000,
+                                kind.first > 0 ? fmt::format(", capacity {}", kind.first) : ""));
+  }
+  return join(parts, " and ");
+}
+
 }  // namespace
 
 Findings cores(const DoctorInput& input) {
@@ -36,6 +63,12 @@ Findings cores(const DoctorInput& input) {
   const std::string found = fmt::format(
       "{}{} usable", input.cores.size(),
       fewer ? fmt::format(" of {} (taskset, a launcher or a control group)", online) : "");
+  const std::string kinds = kinds_of_cores(input);
+  if (!kinds.empty()) {
+    return {{"cores", Level::kNote, fmt::format("{}, of different kinds: {}", found, kinds),
+             "units on cores of one kind and of another are not alike, whatever they compute with",
+             "measure on those of one kind: taskset -c CORES pirt ..."}};
+  }
   if (input.cores.size() >= 2) return {good("cores", found)};
   return {{"cores", Level::kNote, found, "the units of platform host share one core",
            "give the machine or container more cores (taskset -p $$ shows what the shell may use), "

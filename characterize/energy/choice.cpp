@@ -25,6 +25,10 @@ Meters of_domain(const MeterDiscovery& found, MeterDomain domain) {
 Meters packages_of(const MeterDiscovery& found, const std::vector<int>& cores,
                    const std::filesystem::path& sys) {
   Meters all = of_domain(found, MeterDomain::kPackage);
+  // Several drivers tell the same joules: RAPL and amd_energy, or the sensor of an APU.
+  std::erase_if(all, [driver = all.empty() ? "" : all.front()->info().driver](const Meter* meter) {
+    return meter->info().driver != driver;
+  });
   std::set<std::string> owners;
   for (const int core : cores) {
     const auto package = read_integer(

@@ -146,12 +146,23 @@ void put_rails_under_input(MeterDiscovery& found) {
   }
 }
 
-MeterInfo sensor_info(const std::string& chip, const std::string& label) {
+/// Whether the GPU is on one chip with processors, whose power its sensor has as well.
+/// @source Documentation/gpu/amdgpu/thermal.rst: in1, of the northbridge, is there on APUs alone,
+/// and powerN of APUs includes the CPU. Older ones name it slowPPT and fastPPT (amdgpu_pm.c).
+bool is_apu(const fs::path& device, const std::string& chip, const std::string& label) {
+  return chip == "amdgpu" && (text_or_empty(device / "in1_label") == "vddnb" ||
+                              label == "slowPPT" || label == "fastPPT");
+}
+
+MeterInfo sensor_info(const fs::path& device, const std::string& chip, const std::string& label) {
   MeterInfo info;
   info.driver = "hwmon";
   info.name = chip + "/" + label;
   info.covers = "sensor " + label + " of " + chip;
-  if (std::ranges::find(kGpuDrivers, chip) != kGpuDrivers.end()) {
+  if (is_apu(device, chip, label)) {
+    info.domain = MeterDomain::kPackage;
+    info.covers = "package";
+  } else if (std::ranges::find(kGpuDrivers, chip) != kGpuDrivers.end()) {
     info.domain = MeterDomain::kGpu;
     info.covers = kCoversGpu;
   } else if (label.starts_with("Esocket")) {  // Documentation/hwmon/amd_energy.rst
@@ -185,7 +196,8 @@ void add_sensors(const fs::path& device, const std::string& chip, MeterDiscovery
     };
     const auto add = [&](std::string_view kind, MeterKind meter_kind, const fs::path& file) {
       const std::string label = text_or_empty(attribute(kind, "label"));
-      MeterInfo info = sensor_info(chip, label.empty() ? fmt::format("{}{}", kind, n) : label);
+      MeterInfo info =
+          sensor_info(device, chip, label.empty() ? fmt::format("{}{}", kind, n) : label);
       info.kind = meter_kind;
       info.path = file.string();
       if (meter_kind == MeterKind::kPower) {

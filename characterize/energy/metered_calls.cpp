@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <thread>
 
@@ -193,6 +194,32 @@ MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& cloc
   return metered;
 }
 
+MeteredCalls joined_repeats(std::span<const MeteredCalls> repeats) {
+  MeteredCalls joined = repeats.front();
+  for (const MeteredCalls& each : repeats.subspan(1)) {
+    joined.calls += each.calls;
+    joined.duration += each.duration;
+    for (const auto member :
+         {&MeteredCalls::active_j, &MeteredCalls::idle_before_w, &MeteredCalls::idle_after_w}) {
+      auto& sum = joined.*member;
+      sum = sum && each.*member ? std::optional(*sum + *(each.*member)) : std::nullopt;
+    }
+    for (const std::string& reason : each.reasons) {
+      const auto word = reason.substr(0, reason.find(':'));
+      const bool is_new = std::ranges::none_of(
+          joined.reasons, [&](const std::string& known) { return known.starts_with(word); });
+      if (is_new) joined.reasons.push_back(reason);
+    }
+  }
+  const auto count = static_cast<double>(repeats.size());
+  if (joined.idle_before_w) *joined.idle_before_w /= count;
+  if (joined.idle_after_w) *joined.idle_after_w /= count;
+  for (const MeteredCalls& each : repeats) {
+    if (const auto energy_j = each.call_j()) joined.repeats_j.push_back(*energy_j);
+  }
+  return joined;
+}
+
 void check_call_time(MeteredCalls& metered, Nanos timed) {
   if (metered.calls == 0 || timed.count() <= 0) return;
   const double metered_s = to_s(metered.duration) / static_cast<double>(metered.calls);
@@ -240,6 +267,22 @@ std::string domain_of(std::span<const Meter* const> meters) {
   return join(parts, " + ");
 }
 
+namespace {
+
+/// Half of the 95 % interval of the mean of what repeats gave; 0 of less than two.
+double half_width_of(const std::vector<double>& values) {
+  if (values.size() < 2) return 0;
+  const auto count = static_cast<double>(values.size());
+  double mean = 0, squares = 0;
+  for (const double value : values) mean += value / count;
+  for (const double value : values) squares += (value - mean) * (value - mean);
+  constexpr std::array kQuantile = {12.706, 4.303};  // t(0.975) of 1 and 2 degrees of freedom
+  static_assert(kQuantile.size() + 1 == kMeteredRepeats);
+  return kQuantile[values.size() - 2] * std::sqrt(squares / (count - 1) / count);
+}
+
+}  // namespace
+
 EnergyRecord metered_energy(const MeteredCalls& metered) {
   EnergyRecord record;
   record.provenance = Provenance::kMeasured;
@@ -250,8 +293,9 @@ EnergyRecord metered_energy(const MeteredCalls& metered) {
     // What idling drew meanwhile is not known better than that it was between the two.
     const double apart_j = std::abs(*metered.idle_after_w - *metered.idle_before_w) / 2 *
                            to_s(metered.duration) / static_cast<double>(metered.calls);
-    record.ci_low_j = std::max(0.0, *record.energy_j - apart_j);
-    record.ci_high_j = *record.energy_j + apart_j;
+    const double half_j = std::max(apart_j, half_width_of(metered.repeats_j));
+    record.ci_low_j = std::max(0.0, *record.energy_j - half_j);
+    record.ci_high_j = *record.energy_j + half_j;
   }
   record.domain = metered.domain;
   record.idle_subtracted = true;

@@ -23,7 +23,7 @@ struct MeterRequest {
   std::string meters;          ///< For find_meters.
   std::string source, domain;  ///< As source_of and domain_of had them, for rows without a reading.
   std::string sysfs = "/sys";
-  Nanos window = std::chrono::seconds(1);  ///< For metering_window.
+  Nanos window = std::chrono::milliseconds(500);  ///< For metering_window.
 };
 
 /// What the readings said; crosses the pipe between worker and coordinator.
@@ -34,7 +34,8 @@ struct MeteredCalls {
   Nanos duration{0};               ///< Of the calls.
   std::optional<double> active_j;  ///< Of the calls, with what the idle machine would have used.
   std::optional<double> idle_before_w, idle_after_w;
-  std::vector<std::string> reasons;  ///< Why the figures do not count; empty = they do.
+  std::vector<std::string> reasons;    ///< Why the figures do not count; empty = they do.
+  std::vector<double> repeats_j = {};  ///< Joules a call of each repeat, where there are several.
 
   /// Joules a call above idle; absent if a reading is, or if the calls drew no more than idling.
   [[nodiscard]] std::optional<double> call_j() const;
@@ -57,6 +58,12 @@ struct MeteredCalls {
 [[nodiscard]] MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& clock,
                                        Nanos window, const std::function<void()>& call,
                                        const std::function<bool()>& may_end = {});
+
+/// How often calls are metered, so that their joules have an interval.
+inline constexpr int kMeteredRepeats = 3;
+/// All of them as one: sums, means of the idle power, and what is held against any of them.
+/// @param repeats  Not empty.
+[[nodiscard]] MeteredCalls joined_repeats(std::span<const MeteredCalls> repeats);
 
 /// Adds the reason `unstable` if a metered call took 20 % more or less than a timed one: power and
 /// time of a row must be those of the same conditions, and a sustained load may be throttled.

@@ -15,6 +15,7 @@
 #include <array>
 #include <cstdlib>
 #include <limits>
+#include <memory>
 #include <type_traits>
 
 #include "characterize/energy/meter.h"
@@ -73,6 +74,8 @@ struct Nvml {
   Number limit_mw = nullptr, default_limit_mw = nullptr;
   Number link_generation = nullptr, most_generation = nullptr;
   Number link_width = nullptr, most_width = nullptr;
+  using Clock = NvmlStatus (*)(NvmlBoard, int type, unsigned*);
+  Clock set_mhz = nullptr, default_mhz = nullptr;
 };
 
 /// PIRT_NVML names another file, or none.
@@ -120,6 +123,8 @@ std::shared_ptr<const Nvml> open_nvml(std::string& why) {
   find("nvmlDeviceGetMaxPcieLinkGeneration", nvml->most_generation);
   find("nvmlDeviceGetCurrPcieLinkWidth", nvml->link_width);
   find("nvmlDeviceGetMaxPcieLinkWidth", nvml->most_width);
+  find("nvmlDeviceGetApplicationsClock", nvml->set_mhz);
+  find("nvmlDeviceGetDefaultApplicationsClock", nvml->default_mhz);
   const NvmlStatus status = nvml->init();
   nvml->initialized = status == kNvmlSuccess;
   if (nvml->initialized) return nvml;
@@ -260,6 +265,12 @@ std::optional<unsigned> number_of_board(Nvml::Number ask, NvmlBoard board) {
   return value;
 }
 
+std::optional<unsigned> mhz_of(Nvml::Clock ask, NvmlBoard board, int type) {
+  unsigned value = 0;
+  if (ask == nullptr || ask(board, type, &value) != kNvmlSuccess) return std::nullopt;
+  return value;
+}
+
 NvmlBoardFacts facts_of(const Nvml& nvml, NvmlBoard board) {
   NvmlBoardFacts facts;
   NvmlMemory memory{};
@@ -273,6 +284,10 @@ NvmlBoardFacts facts_of(const Nvml& nvml, NvmlBoard board) {
   };
   facts.limit_w = watts(nvml.limit_mw);
   facts.default_limit_w = watts(nvml.default_limit_mw);
+  constexpr int kGraphics = 0, kMemory = 2;
+  facts.core_mhz = mhz_of(nvml.set_mhz, board, kGraphics);
+  facts.default_core_mhz = mhz_of(nvml.default_mhz, board, kGraphics);
+  facts.memory_mhz = mhz_of(nvml.set_mhz, board, kMemory);
   unsigned ecc = 0;
   unsigned pending = 0;
   if (nvml.ecc != nullptr && nvml.ecc(board, &ecc, &pending) == kNvmlSuccess) facts.ecc = ecc != 0;
@@ -299,6 +314,21 @@ NvmlFacts read_nvml() {
     facts.boards.back().pci = pci;
   }
   return facts;
+}
+
+std::map<std::string, std::string> board_settings(const std::string& pci) {
+  std::map<std::string, std::string> settings;
+  for (const NvmlBoardFacts& board : read_nvml().boards) {
+    if (board.pci != pci) continue;
+    const auto put = [&settings](const char* name, const auto& value) {
+      if (value) settings[name] = fmt::format("{}", *value);
+    };
+    put("power_limit_w", board.limit_w);
+    put("core_mhz", board.core_mhz);
+    put("memory_mhz", board.memory_mhz);
+    put("ecc", board.ecc);
+  }
+  return settings;
 }
 
 void find_nvml(bool device_open, MeterDiscovery& found) {

@@ -43,6 +43,10 @@ constexpr std::array kKeys = {
     EnvironmentKey{"huge_pages", kIdentity, "they decide what address translation costs"},
     EnvironmentKey{"kernel", kIdentity, "it holds drivers, the clock's control and mitigations"},
     EnvironmentKey{"power_mode.*", kIdentity, "a board of 15 W and one of 30 W are two machines"},
+    EnvironmentKey{"unit.*.power_limit_w", kIdentity, "a board slows down at its limit"},
+    EnvironmentKey{"unit.*.core_mhz", kIdentity, "somebody set the board's clock"},
+    EnvironmentKey{"unit.*.memory_mhz", kIdentity, "somebody set the clock of its memory"},
+    EnvironmentKey{"unit.*.ecc", kIdentity, "it takes a part of the memory's rate"},
     // What the process has from who started it; absent where that is nothing.
     EnvironmentKey{"env.*", kIdentity, "libraries and drivers choose kernels and threads by it"},
     EnvironmentKey{"scheduling", kIdentity, "it decides when the process gets a core"},

@@ -6,8 +6,9 @@
 namespace pirt {
 namespace {
 
-constexpr std::array<std::string_view, 5> kDoubts = {"imprecise", "unstable", "throttled",
-                                                     "contended", "few_samples"};
+constexpr std::array kDoubts = {std::string_view("imprecise"),   std::string_view("unstable"),
+                                std::string_view("throttled"),   std::string_view("contended"),
+                                std::string_view("few_samples"), std::string_view("odd_stamps")};
 
 }  // namespace
 

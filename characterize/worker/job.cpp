@@ -90,7 +90,8 @@ Json encode(const std::optional<MeteredCalls>& m) {
           {"active_j", encode(m->active_j)},
           {"idle_before_w", encode(m->idle_before_w)},
           {"idle_after_w", encode(m->idle_after_w)},
-          {"reasons", m->reasons}};
+          {"reasons", m->reasons},
+          {"repeats_j", m->repeats_j}};
 }
 
 std::optional<MeteredCalls> decode_metered(const Json& j) {
@@ -102,7 +103,8 @@ std::optional<MeteredCalls> decode_metered(const Json& j) {
                       decode_number(j.at("active_j")),
                       decode_number(j.at("idle_before_w")),
                       decode_number(j.at("idle_after_w")),
-                      j.at("reasons").get<std::vector<std::string>>()};
+                      j.at("reasons").get<std::vector<std::string>>(),
+                      j.value("repeats_j", std::vector<double>())};
 }
 
 Json encode(const DeviceInfo& device) {
@@ -193,13 +195,17 @@ Json encode(const PhaseSamples& p) {
           {"samples_ns", encode(p.samples)},
           {"batch", p.batch},
           {"bound_ns", encode(p.bound)},
-          {"cpu_ns", encode(p.cpu)}};
+          {"cpu_ns", encode(p.cpu)},
+          {"odd_stamps", p.odd_stamps}};
 }
 
 PhaseSamples decode_phase(const Json& j) {
-  return {decode_word(j.at("phase"), phase_from_string), decode_times(j.at("samples_ns")),
-          j.at("batch"), decode_time(j.value("bound_ns", Json())),
-          decode_times(j.value("cpu_ns", Json::array()))};
+  return {decode_word(j.at("phase"), phase_from_string),
+          decode_times(j.at("samples_ns")),
+          j.at("batch"),
+          decode_time(j.value("bound_ns", Json())),
+          decode_times(j.value("cpu_ns", Json::array())),
+          j.value("odd_stamps", std::int64_t{0})};
 }
 
 JobResult decode_result(const Json& j) {

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <utility>
 
 #include "characterize/statistics/rank_tests.h"
 #include "characterize/statistics/statistics.h"
@@ -28,6 +29,7 @@ constexpr std::size_t kEstimateCalls = 5;  // of the warm-up's end, for the size
 struct CallTimes {
   Nanos upload{0}, execute{0}, download{0}, call{0};
   std::optional<Nanos> launch;
+  bool is_odd = false;  ///< What its stamps say of launching cannot be: `launch` is not there.
 
   /// As far as the phases have a time of their own.
   [[nodiscard]] Nanos sum() const {
@@ -35,15 +37,32 @@ struct CallTimes {
   }
 };
 
-void check_launch(std::optional<Nanos> launch, Nanos wall) {
-  if (launch && *launch > wall) {
+/// Whether a device's stamps contradict the clock; counts those that do.
+class StampCheck {
+ public:
+  bool is_odd(std::optional<Nanos> launch, Nanos wall) {
+    const bool odd = launch && *launch > wall;
+    ++executions_;
+    if (odd) {
+      ++odd_;
+      last_ = {*launch, wall};
+    }
+    return odd;
+  }
+  [[nodiscard]] std::int64_t odd() const { return odd_; }
+  /// @throws Error{kEnvironment} unless most are right.
+  void check() const {
+    if (2 * odd_ <= executions_) return;
     throw_environment(
         fmt::format("the device's time stamps say that launching took {} ns of an execution of {} "
-                    "ns; its driver's "
-                    "profiling cannot be trusted",
-                    launch->count(), wall.count()));
+                    "ns, and the like in {} of {}; its driver's profiling cannot be trusted",
+                    last_.first.count(), last_.second.count(), odd_, executions_));
   }
-}
+
+ private:
+  std::int64_t executions_ = 0, odd_ = 0;
+  std::pair<Nanos, Nanos> last_;
+};
 
 /// What launching takes on a device that has to be asked: its share of calls of its own, since
 /// asking takes time, and what disturbs such a call makes all of it longer; it is a part of each
@@ -51,7 +70,7 @@ void check_launch(std::optional<Nanos> launch, Nanos wall) {
 class AskedLaunches {
  public:
   /// @param times  A sample is the mean of so many calls.
-  void ask(Kernel& kernel, const Clock& clock, std::int64_t times) {
+  void ask(Kernel& kernel, const Clock& clock, std::int64_t times, StampCheck& stamps) {
     Nanos launches{0};
     const Nanos start = clock.now();
     for (std::int64_t i = 0; i < times; ++i) {
@@ -60,7 +79,7 @@ class AskedLaunches {
       launches += *launch;
     }
     const Nanos wall = clock.now() - start;
-    check_launch(launches, wall);
+    if (stamps.is_odd(launches, wall)) return;
     shares_.push_back(wall.count() > 0 ? to_s(launches) / to_s(wall) : 0);
   }
   [[nodiscard]] bool any() const { return !shares_.empty(); }
@@ -144,16 +163,18 @@ class Sampler {
     if (has_download_ && plan_.download != 0) {
       downloads_.push_back(timed(Phase::kDownload, plan_.download, [this] { kernel_.download(); }));
     }
-    asked_.ask(kernel_, clock_, asked_batch());
+    asked_.ask(kernel_, clock_, asked_batch(), stamps_);
     if (sequence_.next) sequence_.next();
   }
 
   [[nodiscard]] const std::vector<Nanos>& calls() const { return calls_; }
+  void check_stamps() const { stamps_.check(); }
 
   [[nodiscard]] PhaseSamples samples_of(Phase phase) const {
     PhaseSamples found = times_of(phase);
     const auto bounds = bounds_.find(phase);
     if (bounds != bounds_.end()) found.bound = median(bounds->second);
+    if (phase == Phase::kLaunch || phase == Phase::kExecute) found.odd_stamps = stamps_.odd();
     return found;
   }
 
@@ -171,7 +192,7 @@ class Sampler {
                 asked_.taken_off(executes_),
                 execute_batch(),
                 {},
-                execute_is_call() ? cpu_ : std::vector<Nanos>()};
+                execute_is_call() && stamps_.odd() == 0 ? cpu_ : std::vector<Nanos>()};
       case Phase::kDownload:
         return {phase, downloads_, size(plan_.download)};
       case Phase::kCall:
@@ -247,7 +268,7 @@ class Sampler {
     const Nanos executed = clock_.now();
     kernel_.download();
     const Nanos end = clock_.now();
-    check_launch(times.launch, executed - uploaded);
+    judge_launch(times, executed - uploaded);
     times.upload = uploaded - start;
     times.execute = executed - uploaded - times.launch.value_or(Nanos(0));
     times.download = end - executed;
@@ -262,12 +283,17 @@ class Sampler {
     times.execute =
         timed(Phase::kExecute, 1, [this, &times] { times.launch = kernel_.execute(1); });
     if (launches_within_execute()) {
-      check_launch(times.launch, times.execute);
+      judge_launch(times, times.execute);
       times.execute -= times.launch.value_or(Nanos(0));
     }
     times.download = timed(Phase::kDownload, 1, [this] { kernel_.download(); });
     times.call = times.sum();
     return times;
+  }
+
+  void judge_launch(CallTimes& times, Nanos wall) {
+    times.is_odd = stamps_.is_odd(times.launch, wall);
+    if (times.is_odd) times.launch.reset();
   }
 
   /// What the device says of the call that has just ended. The call's bound is made of its phases',
@@ -292,7 +318,7 @@ class Sampler {
     calls_.push_back(times.call);
     if (has_upload_ && plan_.upload == 0) uploads_.push_back(times.upload);
     if (has_download_ && plan_.download == 0) downloads_.push_back(times.download);
-    if (plan_.execute == 0 || execute_is_call()) {
+    if ((plan_.execute == 0 || execute_is_call()) && !times.is_odd) {
       executes_.push_back(times.execute);
       if (times.launch) launches_.push_back(*times.launch);
     }
@@ -313,7 +339,7 @@ class Sampler {
   void keep_execute(Nanos wall, std::optional<Nanos> launches, std::int64_t repeats) {
     if (launches) *launches /= repeats;
     const bool within = launches_within_execute();
-    if (within) check_launch(launches, wall);
+    if (within && stamps_.is_odd(launches, wall)) return;
     executes_.push_back(within ? wall - launches.value_or(Nanos(0)) : wall);
     if (launches) launches_.push_back(*launches);
   }
@@ -345,6 +371,7 @@ class Sampler {
   Plan plan_;
   std::vector<Nanos> uploads_, launches_, executes_, downloads_, calls_, cpu_;
   AskedLaunches asked_;
+  StampCheck stamps_;
   std::map<Phase, std::vector<Nanos>> bounds_;
 };
 
@@ -410,6 +437,7 @@ std::vector<PhaseSamples> sample_calls(Kernel& kernel, const PhaseClocks& clocks
   Sampler sampler(kernel, clocks, phases, sequence);
   sampler.warm_up(options);
   sample_for(sampler, clocks, options, sequence.frames);
+  sampler.check_stamps();
   const bool simulated = clocks.quality.cost_ns == 0;
   std::vector<PhaseSamples> result;
   for (const Phase phase : phases) {
@@ -428,18 +456,22 @@ PhaseSamples sample_executions(Kernel& kernel, const Clock& clock, std::int64_t 
                                const std::function<void()>& before, const PlayedCalls& sequence) {
   PhaseSamples taken{Phase::kExecute, {}, 1};
   AskedLaunches asked;
+  StampCheck stamps;
   for (std::int64_t i = 0; i < samples; ++i) {
     kernel.upload();
     before();
     const Nanos start = clock.now();
     const auto launch = kernel.execute(1);
     const Nanos wall = clock.now() - start;
-    check_launch(launch, wall);
-    taken.samples.push_back(wall - launch.value_or(Nanos(0)));
+    if (!stamps.is_odd(launch, wall)) {
+      taken.samples.push_back(wall - launch.value_or(Nanos(0)));
+    }
     kernel.download();
-    asked.ask(kernel, clock, 1);
+    asked.ask(kernel, clock, 1, stamps);
     if (sequence.next) sequence.next();
   }
+  stamps.check();
+  taken.odd_stamps = stamps.odd();
   taken.samples = asked.taken_off(std::move(taken.samples));
   return taken;
 }

@@ -1,12 +1,12 @@
 #include "reports/run/robot_recording.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <set>
 #include <vector>
 
 #include "workloads/inputs/recording/compression.h"
 #include "workloads/inputs/recording/mcap_writer.h"
+#include "workloads/inputs/recording/messages.h"
 
 namespace pirt {
 namespace {
@@ -22,7 +22,7 @@ Json stamp_json(Nanos time) {
 Json vector_json(const Eigen::Vector3d& v) { return {{"x", v.x()}, {"y", v.y()}, {"z", v.z()}}; }
 
 Json rotation_json(const Eigen::Matrix3d& rotation) {
-  const Eigen::Quaterniond q(rotation);
+  const Eigen::Vector4d q = quaternion_of(rotation);
   return {{"x", q.x()}, {"y", q.y()}, {"z", q.z()}, {"w", q.w()}};
 }
 
@@ -102,7 +102,8 @@ class Recorder {
     // In order of time, as who plays it wants it.
     std::ranges::stable_sort(messages_, {}, &Message::time);
     std::string file;
-    McapWriter writer([&file](std::string_view bytes) { file += bytes; }, "", best_compression());
+    mcap::McapWriter writer([&file](std::string_view bytes) { file += bytes; }, "",
+                            best_compression());
     for (const Message& each : messages_) {
       writer.write(
           each.topic,

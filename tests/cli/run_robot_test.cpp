@@ -4,9 +4,11 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <map>
 
 #include "tests/cli/program.h"
 #include "tests/workloads/inputs/sequence_support.h"
+#include "workloads/inputs/recording/recording.h"
 
 namespace pirt::test {
 namespace {
@@ -187,6 +189,16 @@ TEST_F(RunRobot, KeepsWhatRanWhenItIsInterrupted) {
   EXPECT_EQ(pirt({"replay", scratch_.file("t.json")}).exit_code, 0);
 }
 
+TEST_F(RunRobot, TakesTruthOfAFile) {
+  const std::string way = scratch_.file("way.txt");
+  ASSERT_EQ(pirt(arguments({"--serial", "--fast", "--trajectory", way})).exit_code, 0);
+  const auto same = pirt(arguments({"--serial", "--fast", "--truth", way, "--json", "-"}));
+  ASSERT_EQ(same.exit_code, 0) << same.err;
+  EXPECT_LT(same.json()["ate_rms_m"].get<double>(), 1e-4) << "what it was written by";
+  expect_refused(pirt(arguments({"--truth", scratch_.write("t.txt", "1 2 3\n")})),
+                 {"t.txt:1", "3 columns"});
+}
+
 TEST_F(RunRobot, WithoutATrackedFrameAnEarlierMapAndTrajectoryStay) {
   const std::string map = scratch_.write("good.map", "a good one");
   const std::string path = scratch_.write("good.txt", "as good");
@@ -286,6 +298,27 @@ TEST_F(RunWholeRobot, PlansAvoidsRecognizesAndAdjustsBesides) {
   EXPECT_THAT(text.out, HasSubstr("paths          found by"));
 }
 
+TEST_F(RunWholeRobot, RecordsPosesPathsAndLatenciesForFoxglove) {
+  const std::string file = scratch_.file("out.mcap");
+  const auto outcome = pirt(arguments({"--serial", "--fast", "--record", file, "--json", "-"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto recording = open_recording(file);
+  std::map<std::string, std::size_t> messages;
+  for (const Topic& topic : recording->topics()) {
+    EXPECT_EQ(topic.encoding, "json");
+    messages[topic.name] = topic.messages;
+  }
+  EXPECT_EQ(messages["/latency"], outcome.json()["frames"].get<std::size_t>());
+  EXPECT_EQ(messages["/trajectory"], 1U);
+  EXPECT_GE(messages["/path"], 2U) << "one a second";
+  EXPECT_EQ(messages["/tf"], messages["/pose"] + 1) << "and of the world in the map";
+  const auto pose = recording->topic("/pose", {"foxglove.PoseInFrame"});
+  const auto first = nlohmann::json::parse(recording->message(pose, 0));
+  EXPECT_EQ(first.at("frame_id"), "world");
+  EXPECT_EQ(first.at("timestamp").at("sec").get<std::int64_t>(),
+            recording->time(pose, 0).count() / 1'000'000'000);
+}
+
 TEST_F(RunWholeRobot, AtItsOwnRateSaysWhatItDraws) {
   const auto outcome = pirt(live({"--json", "-"}));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
@@ -334,6 +367,9 @@ TEST_F(RunRobot, RefusesWhatMakesNoSense) {
   expect_refused(pirt(live({"--goal", "1,2"})), {"--map"});
   expect_refused(pirt(live({"--duration", "0s"})), {"--duration"});
   expect_refused(pirt(live({"--plot", scratch_.file("p.gif")})), {".png or .svg"});
+  expect_refused(pirt(live({"--record", scratch_.file("p.bag")})), {"must end in .mcap"});
+  expect_refused(pirt(live({"--stereo-tolerance", "soon"})), {"--stereo-tolerance", "soon"});
+  expect_refused(pirt(live({"--topics", "left=/a"})), {"--topics", "recordings"});
   expect_refused(pirt(arguments({"--platform", "snapdragon820"})), {"snapdragon820"});
   expect_refused(pirt(arguments({"--platform", "hst"})), {"host"});
   EXPECT_FALSE(std::filesystem::exists(scratch_.file("t.json")));

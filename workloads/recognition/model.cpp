@@ -95,7 +95,10 @@ Fit fit_of(ModelFormat format, const std::string& config) {
 
 std::vector<std::string> read_names(const fs::path& file) {
   auto names = split(read_text(file), '\n');
-  for (auto& name : names) name = name.substr(name.find('|') + 1);
+  for (auto& name : names) {
+    name = name.substr(name.find('|') + 1);
+    name.erase(name.find_last_not_of(" \t") + 1);
+  }
   while (!names.empty() && names.back().empty()) names.pop_back();
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto bad = find_unprintable(names[i]);

@@ -104,20 +104,30 @@ class OpenCvNetwork : public Network {
   std::vector<std::string> outputs_;
 };
 
-/// OpenCV does not look whether the file has the weights that it takes.
+/// OpenCV does not look whether the file has the weights that it takes. What is behind them it does
+/// not read: files of networks that begin alike are used so.
 void check_darknet_size(cv::dnn::Net& net, const std::string& model) {
   // Version and revision, then the pictures of its training: 8 bytes from version 0.2 on, 4 before.
   std::int32_t version[2] = {};
   std::memcpy(version, model.data(), std::min(sizeof version, model.size()));
+  if (version[0] < 0 || version[1] < 0) {
+    CV_Error(cv::Error::StsBadArg,
+             cv::format("its header says version %d.%d", version[0], version[1]));
+  }
   const std::size_t header = std::int64_t{version[0]} * 10 + version[1] >= 2 ? 20 : 16;
   std::size_t weights = 0;
+  bool is_finite = true;
   for (const auto& name : net.getLayerNames()) {
     const auto layer = net.getLayer(net.getLayerId(name));
     if (layer->type == "Region") continue;  // Its anchors come from the configuration.
-    for (const cv::Mat& blob : layer->blobs) weights += blob.total();
+    for (const cv::Mat& blob : layer->blobs) {
+      weights += blob.total();
+      is_finite = is_finite && cv::checkRange(blob);
+    }
   }
   const std::size_t needed = header + weights * sizeof(float);
-  if (model.size() == needed) return;
+  if (!is_finite) CV_Error(cv::Error::StsBadArg, "some of its weights are no numbers");
+  if (model.size() >= needed) return;
   CV_Error(cv::Error::StsBadArg,
            cv::format("it has %zu bytes where its configuration needs %zu", model.size(), needed));
 }

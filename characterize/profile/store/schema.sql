@@ -15,6 +15,7 @@
 --                              set-ups, and more than 1 ms (of two, the interval is what they span)
 --            contended         others used more than 5 % of the unit's cores beside a quarter of the processes, also after one
 --                              re-measurement, and the cell's precision was not reached, or they used 25 %; of set-ups, they used 25 %
+--            odd_stamps        more than 1 % of the device's stamps say that launching took longer than the execution that it is part of
 --            unstable: TEXT    energy only: idling before and after, or calls metered and timed, differ
 --   reasons: wrong_output      the output did not match the reference, before or after timing
 --            no_samples        the row has none
@@ -35,6 +36,8 @@
 --            shared_core, pinned_outputs (downloaded to memory that the device
 --            writes at once), sequence of N frames (played; ops and bytes are the mean over them),
 --            failed_processes: N (of the cell; one that fails is tried once more, and two end it),
+--            odd_stamps (of up to 1 % of the executions, which are left out),
+--            unverified (it has no reference: held against the first unit's outputs, and its own), program: TEXT (what a call to it takes),
 --            deterministic (the figure repeats exactly: one sample is all there is, its interval has no width)
 --            live (calls of a live run, `pirt schedule --update-profile`: one process, other calls between them)
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %

@@ -87,6 +87,18 @@ NvmlFacts nvml_facts(const std::string& script) {
   return facts;
 }
 
+TEST(BoardSettings, WhatWasSetOfABoardIsAFactOfTheRun) {
+  ::setenv("PIRT_NVML", test::kNvmlStandIn, 1);
+  ::setenv("NVML_STAND_IN", "boards=01 limit_w=300 core_mhz=1200", 1);
+  using testing::Pair;
+  EXPECT_THAT(board_settings("0000:01:00.0"),
+              ElementsAre(Pair("core_mhz", "1200"), Pair("ecc", "true"), Pair("memory_mhz", "2619"),
+                          Pair("power_limit_w", "300")));
+  EXPECT_THAT(board_settings("0000:02:00.0"), IsEmpty());
+  ::setenv("PIRT_NVML", "none", 1);
+  ::unsetenv("NVML_STAND_IN");
+}
+
 class Doctor : public testing::Test {
  protected:
   TemporaryFolder folder;
@@ -279,6 +291,28 @@ TEST_F(Doctor, FindsWhatSpoilsAGpu) {
   EXPECT_EQ(found("lanes=8"),
             "note: x8 of x16 lanes; another slot; see: sudo lspci -vvs 0000:01:00.0");
   EXPECT_EQ(found("limit_w=699"), "nothing");
+  EXPECT_EQ(found("core_mhz=1200"),
+            "note: its clock is set to 1200 MHz, 1980 MHz by default; sudo nvidia-smi -i "
+            "0000:01:00.0 -rac");
+}
+
+TEST_F(Doctor, FindsCoresOfDifferentKinds) {
+  auto machine = test::healthy_board(folder.path());
+  auto input = input_of(machine);
+  const auto kind = [&](int core, const char* khz, const char* capacity) {
+    const auto of_core = fmt::format("sys/devices/system/cpu/cpu{}/", core);
+    machine.put(of_core + "cpufreq/cpuinfo_max_freq", khz);
+    machine.put(of_core + "cpu_capacity", capacity);
+  };
+  const int last = input.cores.back();
+  for (const int core : input.cores) kind(core, "2150400", "1024");
+  EXPECT_EQ(finding_of(input, "cores").level, Level::kGood);
+  kind(last, "1593600", "572");
+  EXPECT_EQ(finding_of(input, "cores").level, Level::kNote);
+  EXPECT_THAT(finding_of(input, "cores").found,
+              HasSubstr(fmt::format("{} (1593 MHz, capacity 572) and ", last)));
+  kind(last, "2100000", "1000");
+  EXPECT_EQ(finding_of(input, "cores").level, Level::kGood);
 }
 
 TEST_F(Doctor, FindsABoardOfNvidiasThatOpenClDoesNotReach) {

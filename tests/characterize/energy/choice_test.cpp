@@ -72,6 +72,17 @@ TEST(MeterChoice, TheGpusOwnSensorServesItWhereTheBoardHasNone) {
   EXPECT_EQ(choose(tree, unit_with(""), false).meters, "amdgpu/power1");
 }
 
+TEST(MeterChoice, WhatAnApuDrawsIsThePackagesAndCountedOnce) {
+  const test::SysfsTree tree;
+  tree.write("class/hwmon/hwmon0/name", "amdgpu");
+  tree.write("class/hwmon/hwmon0/power1_input", "45000000");
+  tree.write("class/hwmon/hwmon0/in1_label", "vddnb");
+  EXPECT_EQ(choose(tree, unit_with(""), false).meters, "") << "it is not the GPU's alone";
+  EXPECT_EQ(choose(tree, unit_with("")).meters, "amdgpu/power1");
+  tree.add_rapl("intel-rapl:0", "package-0", 1);
+  EXPECT_EQ(choose(tree, unit_with("")).meters, "package-0");
+}
+
 TEST(MeterChoice, RailsThatMayOverlapAreNotGuessedAt) {
   const test::SysfsTree tree;
   tree.add_channel("1-0040", "hwmon1", 1, "VDD_GPU_SOC", 5000, 1000);

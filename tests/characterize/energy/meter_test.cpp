@@ -226,7 +226,7 @@ TEST(Meters, OtherHwmonSensorsGivePowerOrEnergy) {
   const test::SysfsTree tree;
   tree.write("class/hwmon/hwmon0/name", "amdgpu");
   tree.write("class/hwmon/hwmon0/power1_average", "45000000");
-  tree.write("class/hwmon/hwmon0/power1_label", "slowPPT");
+  tree.write("class/hwmon/hwmon0/power1_label", "PPT");
   tree.write("class/hwmon/hwmon1/name", "power_meter");
   tree.write("class/hwmon/hwmon1/power1_average", "90000000");
   tree.write("class/hwmon/hwmon1/power1_average_interval", "300");
@@ -237,13 +237,24 @@ TEST(Meters, OtherHwmonSensorsGivePowerOrEnergy) {
   tree.write("class/hwmon/hwmon3/temp1_input", "45000");
   const auto found = discover_meters(tree.root());
   ASSERT_THAT(found.names(),
-              ElementsAre("amdgpu/slowPPT", "power_meter/power1", "amd_energy/Esocket0"));
-  EXPECT_EQ(reading(found, "amdgpu/slowPPT"), 45'000'000);
-  EXPECT_EQ(found.find("amdgpu/slowPPT")->info().domain, MeterDomain::kGpu);
+              ElementsAre("amdgpu/PPT", "power_meter/power1", "amd_energy/Esocket0"));
+  EXPECT_EQ(reading(found, "amdgpu/PPT"), 45'000'000);
+  EXPECT_EQ(found.find("amdgpu/PPT")->info().domain, MeterDomain::kGpu);
   EXPECT_EQ(found.find("power_meter/power1")->info().domain, MeterDomain::kBoard);
   EXPECT_EQ(found.find("power_meter/power1")->info().period, std::chrono::milliseconds(300));
   EXPECT_EQ(found.find("amd_energy/Esocket0")->info().kind, MeterKind::kCounter);
   EXPECT_EQ(found.find("amd_energy/Esocket0")->info().range_uj, std::nullopt);
+}
+
+TEST(Meters, TheSensorOfAnApuHasItsProcessorsToo) {
+  const test::SysfsTree tree;
+  tree.write("class/hwmon/hwmon0/name", "amdgpu");
+  tree.write("class/hwmon/hwmon0/power1_average", "15000000");
+  tree.write("class/hwmon/hwmon0/power1_label", "PPT");
+  tree.write("class/hwmon/hwmon0/in1_label", "vddnb");
+  EXPECT_EQ(discover_meters(tree.root()).find("amdgpu/PPT")->info().domain, MeterDomain::kPackage);
+  tree.remove("class/hwmon/hwmon0/in1_label");
+  EXPECT_EQ(discover_meters(tree.root()).find("amdgpu/PPT")->info().domain, MeterDomain::kGpu);
 }
 
 void add_battery(const test::SysfsTree& tree, const std::string& status) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cmath>
 #include <functional>
 #include <thread>
 
@@ -219,6 +220,27 @@ TEST(MeteredCalls, ACounterThatWasResetIsAnError) {
 TEST(MeteredCalls, AFailingCallEndsTheMeasurement) {
   const SimulatedCounter meter([](double seconds) { return seconds; });
   EXPECT_THROW(static_cast<void>(measure(meter, [] { throw_environment("device lost"); })), Error);
+}
+
+TEST(MeteredCalls, RepeatsHaveAnInterval) {
+  const auto repeat = [](double active_j) {
+    return MeteredCalls{.source = "m",
+                        .domain = "package",
+                        .calls = 10,
+                        .duration = std::chrono::seconds(1),
+                        .active_j = active_j,
+                        .idle_before_w = 2,
+                        .idle_after_w = 2,
+                        .reasons = {}};
+  };
+  // 0.8, 1.0 and 1.2 J a call above 2 W: the mean is 1, the deviation 0.2, and t of 2 is 4.303.
+  const std::vector repeats = {repeat(10), repeat(12), repeat(14)};
+  const MeteredCalls joined = joined_repeats(repeats);
+  EXPECT_EQ(joined.calls, 30);
+  EXPECT_NEAR(joined.call_j().value(), 1, 1e-12);
+  const EnergyRecord energy = metered_energy(joined);
+  EXPECT_NEAR(energy.ci_high_j.value() - 1, 4.303 * 0.2 / std::sqrt(3.0), 1e-3);
+  EXPECT_NEAR(1 - energy.ci_low_j.value(), 4.303 * 0.2 / std::sqrt(3.0), 1e-3);
 }
 
 TEST(MeteredCalls, PowerAndTimeMustBelongTogether) {

@@ -41,6 +41,7 @@ class TimedKernel : public Kernel {
     EXPECT_EQ(repeats, 1);
     const auto& time = execute_times[static_cast<std::size_t>(executes++) % execute_times.size()];
     clock_.advance(launch_time.value_or(Nanos(0)) + time);
+    if (odd_each > 0 && executes % odd_each == 0) return milliseconds(1000);
     return reported_launch ? reported_launch : launch_time;
   }
   std::optional<Nanos> stamped_launch() override {
@@ -56,6 +57,7 @@ class TimedKernel : public Kernel {
 
   Nanos upload_time{0}, download_time{0};
   std::optional<Nanos> launch_time, reported_launch;
+  int odd_each = 0;  ///< One of so many stamps cannot be.
   std::vector<Nanos> execute_times = {milliseconds(5)};
   std::vector<Nanos> asked_calls;  ///< A quarter of each is launching.
   int uploads = 0, executes = 0, downloads = 0, asked = 0;
@@ -316,6 +318,21 @@ TEST(Measure, DoesNotBelieveStampsLongerThanTheExecution) {
       ::testing::HasSubstr("time stamps"));
 }
 
+TEST(Measure, LeavesOutAndCountsAFewStampsThatCannotBe) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  kernel.upload_time = milliseconds(1);
+  kernel.launch_time = microseconds(300);
+  kernel.odd_each = 5;
+  const auto result = sample_calls(kernel, clock, kSimulated, kTransfers, twenty());
+  EXPECT_THAT(find(result, Phase::kLaunch).samples, Each(Nanos(microseconds(300))));
+  EXPECT_THAT(find(result, Phase::kExecute).samples, Each(Nanos(milliseconds(5))));
+  EXPECT_EQ(find(result, Phase::kExecute).samples.size(), 16U);
+  EXPECT_EQ(find(result, Phase::kCall).samples.size(), 20U);
+  EXPECT_GE(find(result, Phase::kExecute).odd_stamps, 4);
+  EXPECT_EQ(find(result, Phase::kCall).odd_stamps, 0);
+}
+
 TEST(Measure, SizesBatchesToAMillisecond) {
   EXPECT_EQ(batch_size(milliseconds(1)), 1);
   EXPECT_EQ(batch_size(Nanos(999'999)), 2);
@@ -422,6 +439,18 @@ TEST(Validity, CollectsEveryReason) {
   launch.phase = Phase::kLaunch;
   EXPECT_THAT(held_against(judge(launch, fine)),
               IsEmpty());  // the device's stamps, not the clock's
+}
+
+TEST(Validity, DoubtsStampsOfWhichMoreThanOneInAHundredCannotBe) {
+  const CellConditions fine{kReal, false, false, false, false};
+  CellSamples launch = processes_of(3, 40, Nanos(100'000));
+  launch.phase = Phase::kLaunch;
+  launch.odd_stamps = 1;  // of 120
+  EXPECT_THAT(held_against(judge(launch, fine)), IsEmpty());
+  EXPECT_THAT(annotate(launch, fine, 0.02), ElementsAre("odd_stamps"));
+  launch.odd_stamps = 2;
+  EXPECT_THAT(held_against(judge(launch, fine)), ElementsAre("odd_stamps"));
+  EXPECT_THAT(annotate(launch, fine, 0.02), IsEmpty());
 }
 
 TEST(Validity, NotesWhatWasReachedAndWhatElseHappened) {

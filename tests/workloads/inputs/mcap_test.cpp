@@ -15,6 +15,8 @@
 #include "workloads/inputs/recording/mcap_format.h"
 #include "workloads/inputs/recording/recording.h"
 #include "workloads/inputs/sequence/recorded.h"
+#include "workloads/inputs/sequence/trajectory.h"
+#include "workloads/slam/run/pipeline.h"
 
 namespace pirt {
 namespace {
@@ -234,16 +236,15 @@ TEST_F(Packed, FileOfZstdIsUnpackedAndLeavesNothing) {
 }
 
 /// All messages of @p from whose times are in [begin, end).
-void copy_part(const Recording& from, const fs::path& file, Nanos begin, Nanos end) {
-  const auto out = file.extension() == ".db3" ? make_db3(file) : make_mcap(file);
+void copy_part(const Recording& from, RecordingWriter& out, Nanos begin, Nanos end) {
   for (std::size_t t = 0; t < from.topics().size(); ++t) {
     const Topic& topic = from.topics()[t];
     for (std::size_t i = 0; i < topic.messages; ++i) {
       const Nanos time = from.time(t, i);
-      if (time >= begin && time < end) out->write(topic.name, topic.type, time, from.message(t, i));
+      if (time >= begin && time < end) out.write(topic.name, topic.type, time, from.message(t, i));
     }
   }
-  out->publish();
+  out.publish();
 }
 
 TEST_F(Packed, PartsOfAFolderAreOne) {
@@ -253,8 +254,12 @@ TEST_F(Packed, PartsOfAFolderAreOne) {
   for (const std::string ending : {".db3", ".mcap"}) {
     const fs::path folder = path("rec" + ending.substr(1));
     fs::create_directory(folder);
-    copy_part(*whole, folder / ("a_0" + ending), Nanos::zero(), middle);
-    copy_part(*whole, folder / ("a_1" + ending), middle, Nanos::max());
+    const auto part = [&](const std::string& name) {
+      const fs::path file = folder / (name + ending);
+      return ending == ".db3" ? make_db3(file) : make_mcap(file);
+    };
+    copy_part(*whole, *part("a_0"), Nanos::zero(), middle);
+    copy_part(*whole, *part("a_1"), middle, Nanos::max());
     EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(folder)); }),
                 AllOf(HasSubstr("2 recordings"), HasSubstr("metadata.yaml")));
     const auto metadata = [&](const std::string& last) {
@@ -269,6 +274,44 @@ TEST_F(Packed, PartsOfAFolderAreOne) {
         bad_input([&] { static_cast<void>(read_sequence(folder)); }),
         AllOf(HasSubstr("metadata.yaml:4"), HasSubstr("a_2" + ending), HasSubstr("missing")));
   }
+}
+
+TEST_F(Packed, OneFlightIsTheSameTrajectoryToTheByteHoweverItIsRecorded) {
+  SceneOptions scene = test::scene(3, 2.0, true);
+  scene.width = 320;
+  scene.height = 240;
+  write_euroc(generate_sequence(scene), path("folder"), 1);
+  const Sequence folder = read_sequence(path("folder"));
+  const auto trajectory = [&](const fs::path& file) {
+    const Sequence sequence = read_sequence(file);
+    EXPECT_EQ(sequence.frames.size(), folder.frames.size()) << file;
+    slam::RunOptions options;
+    options.setup = slam::setup_of(sequence);
+    const auto result = slam::run_serially(sequence, options);
+    EXPECT_GT(result.trajectory().size(), 20U) << file;
+    return tum_text(result.trajectory());
+  };
+  const std::string expected = trajectory(path("folder"));
+  for (const char* name : {"a.bag", "a.db3", "a.mcap"}) {
+    ASSERT_TRUE(write_recording(folder, path(name)));
+    EXPECT_EQ(trajectory(path(name)), expected) << name;
+  }
+  const auto plain = open_recording(path("a.mcap"));
+  const Nanos middle = folder.frames[folder.frames.size() / 2].time;
+  for (const std::string compression : {"lz4", "zstd"}) {
+    const auto name = compression + ".mcap";
+    copy_part(*plain, *make_mcap(path(name), compression), Nanos::zero(), Nanos::max());
+    EXPECT_LT(fs::file_size(path(name)), fs::file_size(path("a.mcap")));
+    EXPECT_EQ(trajectory(path(name)), expected) << name;
+    // Where all chunks are packed, and where the index is all that is read of it when it is opened.
+    EXPECT_EQ(open_mcap(path(name), 0)->describe(), plain->describe());
+  }
+  fs::create_directory(path("split"));
+  copy_part(*plain, *make_mcap(path("split/s_0.mcap"), "zstd"), Nanos::zero(), middle);
+  copy_part(*plain, *make_mcap(path("split/s_1.mcap")), middle, Nanos::max());
+  put(path("split/metadata.yaml"),
+      "rosbag2_bagfile_information:\n  relative_file_paths:\n    - s_0.mcap\n    - s_1.mcap\n");
+  EXPECT_EQ(trajectory(path("split")), expected);
 }
 
 TEST_F(Packed, ForeignDatabaseRunsNoProgram) {
@@ -323,7 +366,20 @@ TEST(Rosbag2, RecordingsAreReadByWhatTheyHold) {
         bad_input([&] { static_cast<void>(read_sequence(folder / storage / "wrong_rmw_test")); }),
         HasSubstr("has no pictures"))
         << storage;
+    const auto cdr = open_recording(folder / storage / "cdr_test");
+    EXPECT_THAT(cdr->describe(), AllOf(HasSubstr("/array_topic (test_msgs/Arrays, 4)"),
+                                       HasSubstr("/test_topic (test_msgs/BasicTypes, 3)")));
+    EXPECT_FALSE(cdr->message(0, 3).empty());
   }
+  EXPECT_THAT(open_recording(folder / "sqlite3" / "empty_bag")->describe(),
+              HasSubstr("/rosout (rcl_interfaces/Log, 0)"));
+  const auto services = open_recording(folder / "mcap" / "topics_and_services.mcap");
+  const auto calls = services->topic("/add_two_ints/_service_event");
+  EXPECT_EQ(services->topics()[calls].messages, 6U);
+  EXPECT_THAT(bad_input([&] {
+                static_cast<void>(read_sequence(folder / "mcap" / "topics_and_services.mcap"));
+              }),
+              HasSubstr("has no pictures"));
 }
 
 }  // namespace

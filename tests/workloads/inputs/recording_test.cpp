@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
 
 #include "tests/support/data.h"
@@ -284,6 +285,26 @@ TEST_F(OwnRecording, TakesThePicturesAmongTopicsOfTheirType) {
                         HasSubstr("/a_depth/image_raw is encoded as '16UC1', which is depth"),
                         HasSubstr("/color/image_rect shows /color/image_raw"),
                         HasSubstr("/z_bayer/image_raw is encoded as 'bayer_rggb8'"))));
+}
+
+TEST_F(OwnRecording, LeavesOutTruthThatWasLostAndTransformsThatNobodyFilled) {
+  add_info("/camera/camera_info");
+  for (int i = 0; i < 6; ++i) {
+    written_ = from_ms(50.0 * (i + 1)).count();
+    add_picture("/camera/image_raw", "mono8", 16, 16, std::string(256, 'a'));
+    PoseMessage pose{.head = {from_ms(50.0 * (i + 1)), "world"}, .pose = {}};
+    if (i == 2) pose.pose.rotation.setZero();
+    if (i == 4) pose.pose.position.setConstant(std::nan(""));
+    add("/truth", PoseMessage::kType, written(pose, WireFormat::kRos1));
+  }
+  TransformMessage none{.head = {Nanos(1), "base"}, .child = "arm", .parent_from_child = {}};
+  none.parent_from_child.rotation.setZero();
+  add("/tf_static", TransformMessage::kType, written(std::vector{none}, WireFormat::kRos1));
+  const Sequence sequence = read();
+  EXPECT_EQ(sequence.truth.size(), 4U);
+  EXPECT_THAT(sequence.warnings,
+              testing::Contains(AllOf(HasSubstr("2 of 6 messages of /truth are left out"),
+                                      HasSubstr("message 3 of /truth"))));
 }
 
 TEST_F(OwnRecording, TakesTheTimeOfRecordingWhereMessagesHaveNone) {

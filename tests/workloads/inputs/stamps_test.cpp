@@ -188,18 +188,76 @@ TEST(Imu, ThatIsDeadOrStuckIsRefused) {
     imu.push_back(
         {from_ms(5.0 * (i + 1)), {noise, 2 * noise, -noise}, {noise, -noise, 9.8 + noise}});
   }
-  check_imu("t", imu);
-  const auto with = [&](const auto& change) {
+  std::vector<std::string> warnings;
+  const auto check = [&](const auto& change) {
     auto changed = imu;
     for (ImuSample& sample : changed) change(sample);
-    return changed;
+    check_imu("t", changed, warnings);
   };
-  EXPECT_THAT(bad_input([&] { check_imu("t", with([](auto& s) { s.gyro_rad_s.setZero(); })); }),
+  check([](auto&) {});
+  EXPECT_THAT(bad_input([&] { check([](auto& s) { s.gyro_rad_s.setZero(); }); }),
               AllOf(HasSubstr("angular velocity"), HasSubstr("all 200 samples")));
-  EXPECT_THAT(bad_input([&] { check_imu("t", with([](auto& s) { s.accel_m_s2.z() = 9.8; })); }),
+  EXPECT_THAT(bad_input([&] { check([](auto& s) { s.accel_m_s2.z() = 9.8; }); }),
               HasSubstr("axis z of the acceleration is stuck"));
   // A simulated robot in the plane, without noise.
-  check_imu("t", with([](auto& s) { s.gyro_rad_s.x() = s.gyro_rad_s.y() = 0; }));
+  check([](auto& s) { s.gyro_rad_s.x() = s.gyro_rad_s.y() = 0; });
+  EXPECT_THAT(warnings, IsEmpty());
+}
+
+TEST(Imu, AFewSamplesThatNoSensorMeasuresAreLeftOut) {
+  std::vector<ImuSample> imu;
+  for (int i = 0; i < 400; ++i) {
+    const double noise = 1e-3 * std::sin(i);
+    imu.push_back(
+        {from_ms(5.0 * (i + 1)), {noise, 2 * noise, -noise}, {noise, -noise, 9.8 + noise}});
+  }
+  imu[100].accel_m_s2.x() = 1e6;
+  imu[200].gyro_rad_s.z() = 1e4;
+  std::vector<std::string> warnings;
+  check_imu("/imu", imu, warnings);
+  EXPECT_EQ(imu.size(), 398U);
+  EXPECT_THAT(warnings, ElementsAre(HasSubstr("2 of 400 samples")));
+  for (int i = 0; i < 10; ++i) imu[static_cast<std::size_t>(30 * i)].accel_m_s2.x() = 1e6;
+  EXPECT_THAT(bad_input([&] { check_imu("/imu", imu, warnings); }),
+              HasSubstr("more than accelerometers measure"));
+}
+
+TEST(BadPictures, TellThatTheCameraHung) {
+  Sequence sequence;
+  sequence.cameras.resize(1);
+  sequence.frames.assign(20, Frame{Nanos(0), {true}});
+  std::size_t hung_from = 20;
+  sequence.image = [&hung_from](std::size_t frame, std::size_t) {
+    GreyImage picture{2, 1, {}};
+    picture.pixels = {static_cast<std::uint8_t>(std::min(frame, hung_from)), 7};
+    return picture;
+  };
+  for (const auto& [from, warned] : {std::pair(20U, 0U), {12U, 1U}}) {
+    hung_from = from;
+    Sequence read = sequence;
+    const auto bad = leave_out_bad_pictures(read);
+    for (std::size_t i = 0; i < 20; ++i) static_cast<void>(read.image(i, 0));
+    EXPECT_EQ(bad->warnings().size(), warned) << from;
+  }
+}
+
+TEST(Camera, ThatIsOddIsSaid) {
+  CameraModel camera;
+  camera.width = 640, camera.height = 480;
+  camera.fx = camera.fy = 450, camera.cx = 320, camera.cy = 240;
+  camera.k1 = -0.28, camera.k2 = 0.07;
+  EXPECT_EQ(no_pinhole(camera) + odd_camera(camera), "");
+  const auto with = [&camera](double CameraModel::*part, double value) {
+    CameraModel other = camera;
+    other.*part = value;
+    return no_pinhole(other) + odd_camera(other);
+  };
+  EXPECT_THAT(with(&CameraModel::fx, 1450), HasSubstr("no pixel is so long"));
+  EXPECT_THAT(with(&CameraModel::fx, 600), HasSubstr("usually squares"));
+  EXPECT_THAT(with(&CameraModel::cx, 120), HasSubstr("the centre of 640x480"));
+  EXPECT_THAT(with(&CameraModel::cx, 700), HasSubstr("in the picture"));
+  EXPECT_THAT(with(&CameraModel::k1, 1000), HasSubstr("bends the corner"));
+  EXPECT_THAT(with(&CameraModel::k1, -3), HasSubstr("bends the corner"));
 }
 
 TEST(BadPictures, AreLeftOutAndCounted) {

@@ -224,6 +224,13 @@ TEST_F(Models, OfDarknetThatAreCutOffAreRefused) {
   const auto weights = read_file(options.model);
   options.model = write("cut.weights", weights.substr(0, weights.size() - 4));
   EXPECT_THAT(refused(options), HasSubstr("bytes where its configuration needs"));
+  options.model = write("long.weights", weights + "four");
+  EXPECT_NO_THROW(static_cast<void>(Model(options))) << "OpenCV takes it";
+  options.model =
+      write("nan.weights", weights.substr(0, 20) + std::string(weights.size() - 20, '\xff'));
+  EXPECT_THAT(refused(options), HasSubstr("no numbers"));
+  options.model = write("odd.weights", "\xff\xff\xff\xff" + weights.substr(4));
+  EXPECT_THAT(refused(options), HasSubstr("version -1.2"));
   options.model = write("cut.weights", "");
   EXPECT_THAT(refused(options), HasSubstr("cut.weights"));
   options = yolo(folder);

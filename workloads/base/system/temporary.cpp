@@ -42,7 +42,13 @@ bool is_beside(std::string_view name, std::string_view target) {
 }
 
 [[noreturn]] void throw_cannot_write(const fs::path& path, int error) {
-  throw_bad_input(fmt::format("cannot write '{}': {}", path.string(), std::strerror(error)));
+  // A file that may be written is not enough: what is complete takes its name.
+  const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  const bool takes_none = error == EACCES && ::access(folder.c_str(), W_OK | X_OK) != 0;
+  throw_bad_input(
+      fmt::format("cannot write '{}': {}", path.string(),
+                  takes_none ? fmt::format("its folder '{}' takes no new file", folder.string())
+                             : std::strerror(error)));
 }
 
 /// Says that the owner of @p fd lives, until it is closed; false if somebody who removes what was

@@ -11,13 +11,8 @@
 #include "workloads/inputs/recording/recording.h"
 
 namespace pirt {
+namespace mcap {
 namespace {
-
-using mcap::crc_of;
-using mcap::Op;
-using mcap::raw;
-using mcap::record;
-using mcap::sized;
 
 std::string raw_span(Nanos first, Nanos last) {
   return raw(static_cast<std::uint64_t>(first.count())) +
@@ -53,7 +48,7 @@ class McapFile final : public RecordingWriter {
 McapWriter::McapWriter(Put put_bytes, std::string_view profile, std::string_view compression)
     : put_(std::move(put_bytes)), compression_(compression) {
   check_compression(compression_, "the recording to write");
-  put(mcap::kMagic);
+  put(kMagic);
   put(record(Op::kHeader, sized(profile) + sized("pirt")));
 }
 
@@ -102,10 +97,10 @@ void McapWriter::finish() {
                                   raw(chunk_count_) + raw_span(begin_, end_) + sized(counts));
   summary += chunk_indices_;
   const std::string footer = raw(static_cast<std::uint8_t>(Op::kFooter)) +
-                             raw(std::uint64_t{mcap::kFooterBytes - mcap::kRecordHead}) +
-                             raw(summary_at) + raw(std::uint64_t{0});
+                             raw(std::uint64_t{kFooterBytes - kRecordHead}) + raw(summary_at) +
+                             raw(std::uint64_t{0});
   put(summary + footer + raw(crc_of(summary + footer)));
-  put(mcap::kMagic);
+  put(kMagic);
 }
 
 void McapWriter::put(std::string_view bytes) {
@@ -140,9 +135,11 @@ void McapWriter::end_chunk() {
   index_.clear();
 }
 
+}  // namespace mcap
+
 std::unique_ptr<RecordingWriter> make_mcap(const std::filesystem::path& file,
                                            std::string_view compression) {
-  return std::make_unique<McapFile>(file, compression);
+  return std::make_unique<mcap::McapFile>(file, compression);
 }
 
 }  // namespace pirt

@@ -10,7 +10,7 @@
 
 #include "workloads/base/time.h"
 
-namespace pirt {
+namespace pirt::mcap {
 
 /// What a topic's messages are.
 struct MessageSchema {
@@ -57,4 +57,4 @@ class McapWriter {
   std::uint32_t chunk_count_ = 0;
 };
 
-}  // namespace pirt
+}  // namespace pirt::mcap

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "workloads/base/error.h"
 
@@ -38,20 +39,27 @@ void write_vector(WireWriter& out, const Eigen::Vector3d& vector) {
   for (int i = 0; i < 3; ++i) out.f64(vector(i));
 }
 
-Pose read_rigid(WireReader& in) {
-  Pose pose;
-  pose.position = read_vector(in);
+/// None where nobody has filled it.
+std::optional<Pose> read_if_rigid(WireReader& in) {
+  const auto p = in.numbers(3);
   const auto q = in.numbers(4);
   const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
-  if (!(std::abs(rotation.norm() - 1.0) < 1e-3)) in.fail("has a quaternion whose length is not 1");
+  Pose pose;
+  pose.position = {p[0], p[1], p[2]};
+  if (!pose.position.allFinite() || !(std::abs(rotation.norm() - 1.0) < 1e-3)) return std::nullopt;
   pose.rotation = rotation.normalized().toRotationMatrix();
   return pose;
 }
 
+Pose read_rigid(WireReader& in) {
+  const auto pose = read_if_rigid(in);
+  if (!pose) in.fail("has numbers that are not finite, or a quaternion whose length is not 1");
+  return *pose;
+}
+
 void write_rigid(WireWriter& out, const Pose& pose) {
   write_vector(out, pose.position);
-  const Eigen::Quaterniond q(pose.rotation);
-  for (const double part : {q.x(), q.y(), q.z(), q.w()}) out.f64(part);
+  for (const double part : quaternion_of(pose.rotation)) out.f64(part);
 }
 
 void write_zeros(WireWriter& out, int count, double first = 0) {
@@ -101,6 +109,10 @@ constexpr std::array kDefinitions = {
 // NOLINTEND(bugprone-suspicious-missing-comma)
 
 }  // namespace
+
+Eigen::Vector4d quaternion_of(const Eigen::Matrix3d& rotation) {
+  return Eigen::Quaterniond(rotation).coeffs();
+}
 
 MessageHead read_head(WireReader& in) {
   if (in.has_seq()) in.u32();
@@ -175,8 +187,10 @@ std::vector<TransformMessage> read_transforms(WireReader& in) {
     TransformMessage message;
     message.head = read_head(in);
     message.child = in.text();
-    message.parent_from_child = read_rigid(in);
-    messages.push_back(std::move(message));
+    if (const auto pose = read_if_rigid(in)) {
+      message.parent_from_child = *pose;
+      messages.push_back(std::move(message));
+    }
   }
   return messages;
 }

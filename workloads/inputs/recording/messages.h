@@ -68,6 +68,9 @@ struct TransformMessage {
   Pose parent_from_child;
 };
 
+/// x, y, z, w.
+[[nodiscard]] Eigen::Vector4d quaternion_of(const Eigen::Matrix3d& rotation);
+
 /// With which all but TransformMessage begin.
 [[nodiscard]] MessageHead read_head(WireReader& in);
 [[nodiscard]] ImageMessage read_image(WireReader& in, bool compressed);
@@ -75,6 +78,7 @@ struct TransformMessage {
 [[nodiscard]] CameraInfoMessage read_camera_info(WireReader& in);
 /// @param type  One of PoseMessage's.
 [[nodiscard]] PoseMessage read_pose(WireReader& in, std::string_view type = PoseMessage::kType);
+/// Without those that are none, which nobody has filled.
 [[nodiscard]] std::vector<TransformMessage> read_transforms(WireReader& in);
 
 [[nodiscard]] std::string written(const ImageMessage& message, WireFormat format);

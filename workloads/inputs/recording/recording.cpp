@@ -90,9 +90,11 @@ class Joined final : public Recording {
       parts_.push_back(open_recording(part));
       const auto& topics = parts_.back()->topics();
       for (std::size_t i = 0; i < topics.size(); ++i) {
-        Topic empty = topics[i];
-        empty.places.clear();
-        auto& places = topics_[add(std::move(empty))].places;
+        auto& places = topics_[add({.name = topics[i].name,
+                                    .type = topics[i].type,
+                                    .encoding = topics[i].encoding,
+                                    .has_seq = topics[i].has_seq})]
+                           .places;
         for (std::size_t k = 0; k < topics[i].places.size(); ++k) {
           places.push_back({topics[i].places[k].time, number << 32 | i, k});
         }
@@ -208,7 +210,6 @@ std::size_t Recording::add(Topic topic) {
 
 void Recording::finish() {
   for (Topic& topic : topics_) {
-    topic.places.shrink_to_fit();
     if (!std::ranges::is_sorted(topic.places, {}, &Topic::Place::time)) {
       std::ranges::stable_sort(topic.places, {}, &Topic::Place::time);
     }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -29,7 +30,7 @@ struct Topic {
     Nanos time{};  ///< Of recording.
     std::uint64_t at = 0, part = 0;
   };
-  std::vector<Place> places = {};
+  std::deque<Place> places = {};  ///< Of millions none is copied when it grows.
   /// "/imu (sensor_msgs/Imu, 800)"
   [[nodiscard]] std::string describe() const;
 };

@@ -3,7 +3,9 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <functional>
 #include <optional>
+#include <string_view>
 
 #include "workloads/base/error.h"
 
@@ -12,6 +14,13 @@ namespace pirt {
 void BadPictures::add(std::size_t frame, std::size_t camera, const std::string& problem) {
   const std::lock_guard lock(mutex_);
   problems_.try_emplace({frame, camera}, problem);
+}
+
+void BadPictures::look_at(std::size_t frame, const GreyImage& picture) {
+  const auto* const bytes = reinterpret_cast<const char*>(picture.pixels.data());
+  const auto hash = std::hash<std::string_view>()({bytes, picture.pixels.size()});
+  const std::lock_guard lock(mutex_);
+  hashes_[frame] = hash;
 }
 
 bool BadPictures::are_too_many() const {
@@ -31,6 +40,17 @@ std::vector<std::string> BadPictures::warnings() const {
   if (problems_.size() > kShown) {
     warnings.push_back(
         fmt::format("{} pictures of {} frames are left out in all", problems_.size(), frames_));
+  }
+  std::size_t same = 0;
+  for (auto it = hashes_.begin(); it != hashes_.end(); ++it) {
+    const auto before = it->first == 0 ? hashes_.end() : hashes_.find(it->first - 1);
+    same += before != hashes_.end() && before->second == it->second ? 1U : 0U;
+  }
+  if (static_cast<double>(same) > kMostPart * static_cast<double>(frames_)) {
+    warnings.push_back(
+        fmt::format("{} of {} pictures are the same, byte for byte, as the one before: has the "
+                    "camera hung?",
+                    same, hashes_.size()));
   }
   return warnings;
 }
@@ -58,7 +78,9 @@ std::shared_ptr<const BadPictures> leave_out_bad_pictures(Sequence& sequence) {
   }
   sequence.image = [read = sequence.image, bad](std::size_t frame, std::size_t camera) {
     try {
-      return read(frame, camera);
+      GreyImage picture = read(frame, camera);
+      if (camera == 0) bad->look_at(frame, picture);
+      return picture;
     } catch (const Error& error) {
       if (error.code() != ErrorCode::kBadInput) throw;
       bad->add(frame, camera, error.what());

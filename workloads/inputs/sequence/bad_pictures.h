@@ -22,14 +22,18 @@ class BadPictures {
   explicit BadPictures(const Sequence& sequence) : frames_(sequence.frames.size()) {}
 
   void add(std::size_t frame, std::size_t camera, const std::string& problem);
+  /// What the first camera showed.
+  void look_at(std::size_t frame, const GreyImage& picture);
   [[nodiscard]] bool are_too_many() const;
-  /// Of the first few, and how many there are.
+  /// Of the first few, and how many there are; and whether the camera hung: no two pictures of one
+  /// that works are the same.
   [[nodiscard]] std::vector<std::string> warnings() const;
 
  private:
   std::size_t frames_;
   mutable std::mutex mutex_;
   std::map<std::pair<std::size_t, std::size_t>, std::string> problems_;  ///< By frame, camera.
+  std::map<std::size_t, std::size_t> hashes_;                            ///< By frame.
 };
 
 /// From now on Sequence::image gives an empty picture in place of one that cannot be read.

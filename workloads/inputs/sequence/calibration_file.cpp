@@ -45,10 +45,8 @@ Pose rigid_of(const YamlNode& node) {
 /// @param k  fx, fy, cx, cy
 void set_pinhole(CameraModel& model, const YamlNode& at, const std::vector<double>& k) {
   model.fx = k[0], model.fy = k[1], model.cx = k[2], model.cy = k[3];
-  if (model.fx < 10 || model.fy < 10 || model.cx < 0 || model.cy < 0 || model.cx > model.width ||
-      model.cy > model.height) {
-    at.fail("fx and fy must be at least 10 pixels, and cx and cy in the picture");
-  }
+  const std::string problem = no_pinhole(model);
+  if (!problem.empty()) at.fail(problem);
 }
 
 constexpr std::int64_t kSmallestSide = 16, kLargestSide = 20000;

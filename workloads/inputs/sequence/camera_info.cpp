@@ -31,6 +31,45 @@ Pose InfoCamera::pose_of(const InfoCamera& right) const {
           from_rectified * Eigen::Vector3d(right.right_of_left_m, 0, 0)};
 }
 
+std::string no_pinhole(const CameraModel& camera) {
+  constexpr double kLongest = 3;  // binned along one axis: 2
+  const bool is_centre =
+      camera.cx >= 0 && camera.cy >= 0 && camera.cx <= camera.width && camera.cy <= camera.height;
+  if (!(camera.fx >= 10 && camera.fy >= 10) || !is_centre) {
+    return "fx and fy must be at least 10 pixels, and cx and cy in the picture";
+  }
+  const double ratio = camera.fx / camera.fy;
+  if (ratio < kLongest && ratio > 1 / kLongest) return "";
+  return fmt::format("fx is {:g} and fy {:g}: no pixel is so long", camera.fx, camera.fy);
+}
+
+std::string odd_camera(const CameraModel& camera) {
+  constexpr double kSquare = 1.1, kBent = 3;
+  const double ratio = camera.fx / camera.fy;
+  if (ratio > kSquare || ratio < 1 / kSquare) {
+    return fmt::format("fx is {:g} and fy {:g}, pixels are usually squares", camera.fx, camera.fy);
+  }
+  const auto is_off = [](double centre, int side) {
+    return std::abs(centre / side - 0.5) > 0.25;  // most are within 0.05
+  };
+  if (is_off(camera.cx, camera.width) || is_off(camera.cy, camera.height)) {
+    return fmt::format("the centre of {}x{} pixels is at {:g}, {:g}", camera.width, camera.height,
+                       camera.cx, camera.cy);
+  }
+  if (camera.lens == Lens::kEquidistant) return "";
+  for (const double x : {0.0, camera.width - 1.0}) {
+    for (const double y : {0.0, camera.height - 1.0}) {
+      const Eigen::Vector2d corner(x, y);
+      const Eigen::Vector2d ray = camera.ray(corner);
+      const double straight = std::hypot((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy);
+      const double bent = ray.norm() / straight;
+      if (bent < kBent && bent > 1 / kBent && (camera.project(ray) - corner).norm() < 1) continue;
+      return fmt::format("the lens bends the corner at {:g}, {:g} out of all measure", x, y);
+    }
+  }
+  return "";
+}
+
 std::string set_lens(CameraModel& camera, const std::string& name,
                      std::vector<double> coefficients) {
   const bool is_equidistant = name == "equidistant" || name == "fisheye";
@@ -84,15 +123,15 @@ InfoCamera camera_of(const WireReader& in, const CameraInfoMessage& message, boo
   model.fx = from[0] / binning_x, model.fy = from[row + 1] / binning_y;
   model.cx = (from[2] - message.roi_x) / binning_x;
   model.cy = (from[row + 2] - message.roi_y) / binning_y;
-  if (model.width < 16 || model.height < 16 || !(model.fx >= 10) || !(model.fy >= 10) ||
-      !(model.cx >= 0 && model.cx <= model.width) || !(model.cy >= 0 && model.cy <= model.height)) {
-    in.fail(fmt::format(
-        "is no calibration: fx and fy{} are at least 10 pixels, cx and cy in the picture",
-        rectified ? " in P, which is that of rectified pictures," : ""));
+  const std::string problem =
+      model.width < 16 || model.height < 16 ? "of less than 16 pixels" : no_pinhole(model);
+  if (!problem.empty()) {
+    in.fail(fmt::format("is no calibration: {}{}", problem,
+                        rectified ? " (in P, which is that of rectified pictures)" : ""));
   }
   if (!rectified) {
-    const std::string problem = set_lens(model, message.distortion_model, message.d);
-    if (!problem.empty()) in.fail(problem);
+    const std::string why_not = set_lens(model, message.distortion_model, message.d);
+    if (!why_not.empty()) in.fail(why_not);
   }
   if (message.p[0] > 0) camera.right_of_left_m = -message.p[3] / message.p[0];
   if (!std::isfinite(camera.right_of_left_m)) in.fail("is no calibration: its P is not finite");

@@ -1,6 +1,9 @@
 // A camera as its sensor_msgs/CameraInfo describes it.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "workloads/base/geometry/camera.h"
 #include "workloads/inputs/recording/messages.h"
 
@@ -28,6 +31,12 @@ struct InfoCamera {
 /// @source sensor_msgs/CameraInfo.msg; binning and region as image_geometry takes them.
 [[nodiscard]] InfoCamera camera_of(const WireReader& in, const CameraInfoMessage& message,
                                    bool rectified);
+
+/// Why these are no focal lengths and no centre of a picture; empty = they may be.
+[[nodiscard]] std::string no_pinhole(const CameraModel& camera);
+/// What can be, and seldom is: pixels that are no squares, a centre near an edge, a lens that bends
+/// a corner out of all measure; empty = nothing.
+[[nodiscard]] std::string odd_camera(const CameraModel& camera);
 
 /// @param name   As CameraInfo has it: plumb_bob, rational_polynomial, equidistant.
 /// @return       Empty, or why the camera cannot be used.

@@ -127,13 +127,26 @@ void check_axes(const std::string& what, const std::vector<ImuSample>& imu, cons
 
 }  // namespace
 
-void check_imu(const std::string& what, const std::vector<ImuSample>& imu) {
+void check_imu(const std::string& what, std::vector<ImuSample>& imu,
+               std::vector<std::string>& warnings) {
+  constexpr std::ptrdiff_t kOneIn = 100;
+  const auto is_spike = [](const ImuSample& sample) {
+    return sample.gyro_rad_s.cwiseAbs().maxCoeff() > kFastestGyro_rad_s ||
+           sample.accel_m_s2.norm() > kStrongestAccel_m_s2;
+  };
+  const auto spikes = std::ranges::count_if(imu, is_spike);
+  if (spikes > 0 && kOneIn * spikes <= std::ssize(imu)) {
+    warnings.push_back(fmt::format("{}: {} of {} samples are left out: no sensor measures so much",
+                                   what, spikes, imu.size()));
+    std::erase_if(imu, is_spike);
+  }
   double fastest = 0;
   std::vector<double> accels;
   for (const auto& sample : imu) {
     fastest = std::max(fastest, sample.gyro_rad_s.cwiseAbs().maxCoeff());
     accels.push_back(sample.accel_m_s2.norm());
   }
+  const double strongest = std::ranges::max(accels);
   std::ranges::nth_element(accels, accels.begin() + std::ssize(accels) / 2);
   const double usual = accels[accels.size() / 2];
   if (fastest > kFastestGyro_rad_s) {
@@ -141,6 +154,12 @@ void check_imu(const std::string& what, const std::vector<ImuSample>& imu) {
         fmt::format("{}: turns at up to {:.0f} rad/s, faster than gyroscopes measure; "
                     "are these degrees/s? Give rad/s",
                     what, fastest));
+  }
+  if (strongest > kStrongestAccel_m_s2) {
+    throw_bad_input(
+        fmt::format("{}: up to {:.0f} m/s^2 is more than accelerometers measure; give "
+                    "m/s^2",
+                    what, strongest));
   }
   if (usual > 0.5 && usual < 2.0) {
     throw_bad_input(
@@ -265,10 +284,8 @@ CameraModel read_camera_yaml(const fs::path& file) {
   }
   const auto pinhole = numbers_of(sensor.at("intrinsics"), 4, 1e5);
   camera.fx = pinhole[0], camera.fy = pinhole[1], camera.cx = pinhole[2], camera.cy = pinhole[3];
-  if (camera.fx < 10 || camera.fy < 10 || camera.cx < 0 || camera.cy < 0 ||
-      camera.cx > camera.width || camera.cy > camera.height) {
-    sensor.at("intrinsics").fail("fu, fv must be at least 10 pixels and cu, cv in the picture");
-  }
+  const auto no_camera = no_pinhole(camera);
+  if (!no_camera.empty()) sensor.at("intrinsics").fail(no_camera);
   const auto model = sensor.has("distortion_model") ? sensor.at("distortion_model").text()
                                                     : std::string("radial-tangential");
   if (model != "radial-tangential" && model != "equidistant") {
@@ -304,14 +321,10 @@ std::vector<ImuSample> read_imu_csv(const fs::path& file, std::vector<std::strin
       sample.gyro_rad_s(axis) = row.number(std::size_t{1} + static_cast<std::size_t>(axis));
       sample.accel_m_s2(axis) = row.number(std::size_t{4} + static_cast<std::size_t>(axis));
     }
-    if (sample.accel_m_s2.norm() > kStrongestAccel_m_s2) {
-      row.fail(fmt::format("{:.0f} m/s^2 is more than accelerometers measure",
-                           sample.accel_m_s2.norm()));
-    }
     imu.push_back(sample);
   }
   keep_rising(imu, "'" + file.string() + "'", warnings);
-  check_imu("'" + file.string() + "'", imu);
+  check_imu("'" + file.string() + "'", imu, warnings);
   return imu;
 }
 

@@ -2,7 +2,7 @@
 #include <fmt/core.h>
 
 #include <cstring>
-#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
@@ -36,19 +36,20 @@ GreyImage read_grey_image(const std::filesystem::path& file, int width, int heig
   const std::string bytes = read_file(file);
   const ImageCheck check = check_image(bytes);
   if (!check.header) refuse(file, check.problem);
-  if (check.header->format != ImageFormat::kPng) refuse(file, "it is a JPEG file named as a PNG");
   if (check.header->width != width || check.header->height != height) {
     refuse(file, fmt::format("it has {}x{} pixels, its camera's calibration says {}x{}",
                              check.header->width, check.header->height, width, height));
   }
   cv::Mat pixels = decode_unchanged(bytes);
   if (pixels.empty()) refuse(file, "its pixels do not decode");
+  if (pixels.type() == CV_8UC3) cv::cvtColor(pixels, pixels, cv::COLOR_BGR2GRAY);
+  if (pixels.type() == CV_8UC4) cv::cvtColor(pixels, pixels, cv::COLOR_BGRA2GRAY);
   if (pixels.type() == CV_16UC1) {
     const std::string why_not = take_upper_bits(pixels);
     if (!why_not.empty()) refuse(file, why_not);
   }
   if (pixels.type() != CV_8UC1) {
-    refuse(file, fmt::format("it has {} channels of {} bits, expected grey of 8 or 16",
+    refuse(file, fmt::format("it has {} channels of {} bits, expected 8, or grey of 16",
                              pixels.channels(), 8 * pixels.elemSize1()));
   }
   GreyImage image{width, height, {}};

@@ -11,6 +11,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/math/pixel_index.h"
 #include "workloads/inputs/pictures/images.h"
+#include "workloads/inputs/sequence/camera_info.h"
 #include "workloads/inputs/sequence/sequence.h"
 #include "workloads/inputs/sequence/stamps.h"
 #include "workloads/inputs/sequence/table_file.h"
@@ -84,7 +85,7 @@ fs::path first_of(const fs::path& folder, std::initializer_list<const char*> nam
 CameraModel camera_of(const Matrix34& p, const fs::path& file) {
   CameraModel camera;
   camera.fx = p[0], camera.fy = p[5], camera.cx = p[2], camera.cy = p[6];
-  if (camera.fx < 10 || camera.fy < 10 || p[10] != 1.0) {
+  if (p[10] != 1.0) {
     throw_bad_input("'" + file.string() + "': this is no projection matrix of a rectified camera");
   }
   camera.body_from_camera.position.x() = -p[3] / camera.fx;  // body = camera 0
@@ -190,9 +191,12 @@ Sequence read_kitti(const fs::path& folder) {
   }
   const GreySize size = grey_size(shots.front().left);
   for (std::size_t i = 0; i < (right.empty() ? 1U : 2U); ++i) {
-    sequence.cameras.push_back(camera_of(projection_of(calibration, i), calibration));
-    sequence.cameras.back().width = size.width;
-    sequence.cameras.back().height = size.height;
+    CameraModel camera = camera_of(projection_of(calibration, i), calibration);
+    camera.width = size.width;
+    camera.height = size.height;
+    const std::string problem = no_pinhole(camera);
+    if (!problem.empty()) throw_bad_input("'" + calibration.string() + "': " + problem);
+    sequence.cameras.push_back(camera);
   }
   make_frames(sequence, stamps_of(shots), partners,
               {left.filename().string(), right.filename().string()});

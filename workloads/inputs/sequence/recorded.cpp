@@ -24,6 +24,7 @@ namespace pirt {
 namespace {
 
 constexpr const char* kNone = "none";
+constexpr Nanos kUnusable = Nanos::min();  ///< Does not rise, so that it is left out.
 
 /// Empty for one that is in none.
 std::string folder_of(const std::string& topic) {
@@ -173,7 +174,9 @@ class Reader {
     };
     for (const std::size_t id : recording_->of_type(TransformMessage::kType)) {
       read(id, Recording::kWhole, [this, id](WireReader& in) {
-        transforms_.add(read_transforms(in), topic(id).name.ends_with("tf_static"));
+        if_usable(id, [&] {
+          transforms_.add(read_transforms(in), topic(id).name.ends_with("tf_static"));
+        });
       });
     }
     for (Camera& camera : cameras_) {
@@ -184,23 +187,45 @@ class Reader {
       });
     }
     for (ImuTopic& imu : imus_) {
-      read(imu.topic, Recording::kWhole, [&imu](WireReader& in) {
-        const auto message = ::pirt::read_imu(in);
-        if (imu.samples.empty()) imu.frame = message.head.frame;
-        imu.samples.push_back({message.head.time, message.gyro_rad_s, message.accel_m_s2});
+      read(imu.topic, Recording::kWhole, [&imu, this](WireReader& in) {
+        auto& sample = imu.samples.emplace_back(ImuSample{.time = kUnusable});
+        if_usable(imu.topic, [&] {
+          const auto message = ::pirt::read_imu(in);
+          if (imu.frame.empty()) imu.frame = message.head.frame;
+          sample = {message.head.time, message.gyro_rad_s, message.accel_m_s2};
+        });
       });
     }
     if (truth_topic_) {
       read(*truth_topic_, Recording::kWhole, [this](WireReader& in) {
-        const auto message = read_pose(in, topic(*truth_topic_).type);
-        if (sequence_.truth.empty()) truth_frame_ = message.child;
-        sequence_.truth.push_back({message.head.time, message.pose});
+        auto& row = sequence_.truth.emplace_back(TruthRow{.time = kUnusable, .body = {}});
+        if_usable(*truth_topic_, [&] {
+          const auto message = read_pose(in, topic(*truth_topic_).type);
+          if (truth_frame_.empty()) truth_frame_ = message.child;
+          row = {message.head.time, message.pose};
+        });
       });
     }
     recording_->walk(wanted, [&](std::size_t id, std::size_t index, const std::string& bytes) {
       auto in = recording_->reader(id, index, bytes);
       reads.at(id)(in);
     });
+    for (const auto& [id, problem] : unusable_) {
+      sequence_.warnings.push_back(fmt::format("{} of {} messages of {} are left out: {}",
+                                               problem.count, topic(id).messages, topic(id).name,
+                                               problem.first));
+    }
+  }
+
+  /// A sensor that is lost writes zeros, or no numbers: that costs its message, not the recording.
+  void if_usable(std::size_t id, const std::function<void()>& read) {
+    try {
+      read();
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kBadInput) throw;
+      auto& problem = unusable_.try_emplace(id, Unusable{0, error.what()}).first->second;
+      ++problem.count;
+    }
   }
 
   /// The one or two topics with pictures, by what their first messages are.
@@ -277,13 +302,21 @@ class Reader {
   }
 
   /// By the topic that the file names, else by its place among the cameras.
-  [[nodiscard]] const GivenCamera& given(const std::string& name) const {
-    const auto named = std::ranges::find(given_, name, &GivenCamera::topic);
-    if (named != given_.end()) return *named;
+  [[nodiscard]] const GivenCamera& given(const std::string& name) {
+    const auto plain = [](const std::string& topic) {
+      return topic.starts_with('/') ? topic.substr(1) : topic;
+    };
+    for (const GivenCamera& each : given_) {
+      if (plain(each.topic) == plain(name)) return each;
+    }
     const std::size_t place = topic(cameras_[0].topic).name == name ? 0 : 1;
     if (place >= given_.size()) {
       fail(fmt::format("has no calibration of {}: --calibration has {} of other cameras", name,
                        given_.size()));
+    }
+    if (!given_[place].topic.empty()) {
+      sequence_.warnings.push_back(
+          fmt::format("the calibration of {} is taken for {}", given_[place].topic, name));
     }
     return given_[place];
   }
@@ -403,7 +436,7 @@ class Reader {
     }
     body_ = frame;
     sequence_.imu = std::move(samples);
-    check_imu("'" + recording_->file() + "': " + name, sequence_.imu);
+    check_imu("'" + recording_->file() + "': " + name, sequence_.imu, sequence_.warnings);
     ImuModel& model = sequence_.imu_model.emplace();
     const Nanos span = sequence_.imu.back().time - sequence_.imu.front().time;
     if (span > Nanos::zero()) {
@@ -499,12 +532,19 @@ class Reader {
     const auto none =
         std::ranges::count_if(rows, [](const Row& row) { return row.time == Nanos::zero(); });
     if (2 * none > std::ssize(rows)) {
-      for (std::size_t i = 0; i < rows.size(); ++i) rows[i].time = recording_->time(id, i);
+      for (std::size_t i = 0; i < rows.size(); ++i) {
+        if (rows[i].time != kUnusable) rows[i].time = recording_->time(id, i);
+      }
       sequence_.warnings.push_back(
           fmt::format("messages of {} have no stamps; the times of recording are taken, which are "
                       "later and less even",
                       topic(id).name));
     }
+    const auto unusable = unusable_.find(id);
+    if (unusable != unusable_.end() && 2 * unusable->second.count > rows.size()) {
+      throw_bad_input(unusable->second.first);
+    }
+    std::erase_if(rows, [](const Row& row) { return row.time == kUnusable; });
     keep_rising(rows, topic(id).name, sequence_.warnings, Nanos::zero());
     check_step("'" + recording_->file() + "': " + topic(id).name, stamps_of(rows));
   }
@@ -517,8 +557,13 @@ class Reader {
   std::vector<Camera> cameras_;
   std::vector<ImuTopic> imus_;  ///< Two: gyroscope, accelerometer.
   std::optional<std::size_t> truth_topic_;
-  std::string truth_frame_;  ///< Whose pose it is, where the type says it.
-  std::string body_;         ///< Frame of coordinates.
+  struct Unusable {
+    std::size_t count = 0;
+    std::string first;
+  };
+  std::map<std::size_t, Unusable> unusable_;  ///< Messages by topic.
+  std::string truth_frame_;                   ///< Whose pose it is, where the type says it.
+  std::string body_;                          ///< Frame of coordinates.
   Sequence sequence_;
 };
 

@@ -7,6 +7,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/inputs/recording/recording.h"
+#include "workloads/inputs/sequence/camera_info.h"
 #include "workloads/inputs/sequence/recorded.h"
 #include "workloads/inputs/sequence/stamps.h"
 #include "workloads/inputs/sequence/trajectory.h"
@@ -125,6 +126,11 @@ Sequence read_layout(const fs::path& folder, const ReadOptions& options) {
 
 Sequence read_sequence(const fs::path& path, const ReadOptions& options) {
   Sequence sequence = read_layout(path, options);
+  for (std::size_t i = 0; i < sequence.cameras.size(); ++i) {
+    const std::string odd = odd_camera(sequence.cameras[i]);
+    if (odd.empty()) continue;
+    sequence.warnings.push_back(fmt::format("the calibration of camera {} is odd: {}", i, odd));
+  }
   if (!options.truth.empty()) sequence.truth = read_tum(options.truth, sequence.warnings);
   std::ranges::move(gaps_of(sequence), std::back_inserter(sequence.warnings));
   return sequence;

@@ -111,9 +111,9 @@ struct ReadOptions {
 [[nodiscard]] CameraModel read_camera_yaml(const std::filesystem::path& file);
 [[nodiscard]] ImuModel read_imu_yaml(const std::filesystem::path& file);
 
-/// A grey PNG. @throws Error{kBadInput} naming the file unless it is whole, grey of 8 or 16 bits
-/// and
-/// @p width x @p height.
+/// A PNG or JPEG file, in grey.
+/// @throws Error{kBadInput} naming the file unless it is whole, has 8 bits a channel, or grey of
+/// 16, and is @p width x @p height.
 [[nodiscard]] GreyImage read_grey_image(const std::filesystem::path& file, int width, int height);
 
 /// What a PNG's header says, for layouts whose calibration does not.
