@@ -341,6 +341,9 @@ CellRecord CellMeasurement::record() const {
   cell.ops = call_work.ops;
   cell.bytes = call_work.bytes;
   for (const Taken& taken : taken_) {
+    cell.host_memory_bytes =
+        std::max(cell.host_memory_bytes, taken.result.host_memory_bytes);  // absent is least
+    cell.device_memory_bytes = std::max(cell.device_memory_bytes, taken.result.device_memory_bytes);
     // That of the last process that compared, or the one that was wrong.
     if (taken.result.verification.empty()) continue;
     cell.verification = taken.result.verification;

@@ -81,6 +81,8 @@ struct UnitModel {
   std::string link;  ///< Name of the link that inputs and outputs travel over; empty = none.
   /// Units that name the same memory share it, with its bandwidth; empty = it shares none.
   std::string memory;
+  /// What the workloads that are prepared on it may have together; absent = no limit.
+  std::optional<std::int64_t> memory_limit_bytes = {};
 
   std::string backend;  ///< Measured unit: the backend's name; empty = modelled.
   std::vector<int>

@@ -3,6 +3,7 @@
 #include "characterize/platform/platform_file.h"
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 #include <string>
 #include <utility>
@@ -20,6 +21,7 @@ namespace {
 constexpr double kMaxWatts = 1e6;
 constexpr double kMaxPicojoules = 1e12;
 constexpr double kMaxJoules = 1e9;
+constexpr double kMaxMegabytes = 1e7;
 constexpr double kMaxScale = 1e3;
 constexpr std::int64_t kMaxServers = 1'000'000;
 constexpr std::int64_t kMaxWeight = 1'000'000;
@@ -75,6 +77,11 @@ Distribution read_distribution(const YamlNode& node) {
   const Nanos high = bounds[1].milliseconds(0);
   if (low > high) node.at("uniform").fail("low must not be above high");
   return {.kind = Distribution::Kind::kUniform, .low = low, .high = high};
+}
+
+/// Whether read_distribution is meant, and no list of stages.
+bool is_time(const YamlNode& node) {
+  return node.is_map() ? node.has("uniform") : !node.is_sequence();
 }
 
 using Machine = std::span<const PhysicalCore>;
@@ -195,7 +202,7 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, Machine machi
   std::vector<std::string> known = {"servers", "discipline", "slots",  "active_w", "idle_w",
                                     "role",    "energy",     "link",   "backend",  "cores",
                                     "device",  "script",     "meter",  "options",  "contexts",
-                                    "memory",  "spin_us",    "held_w", "watts_of"};
+                                    "memory",  "spin_us",    "held_w", "watts_of", "memory_mb"};
   for (const std::string& backend : backend_names()) {
     for (const std::string& key : settings_of(backend)) known.push_back(key);
   }
@@ -234,6 +241,9 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, Machine machi
   }
   unit.link = text_or_empty(node, "link");
   unit.memory = text_or_empty(node, "memory");
+  if (node.has("memory_mb")) {
+    unit.memory_limit_bytes = std::llround(node.at("memory_mb").number(1e-3, kMaxMegabytes) * 1e6);
+  }
   read_backend(node, machine, unit);
   if (node.has("contexts")) read_contexts(node.at("contexts"), unit);
   return unit;
@@ -310,8 +320,13 @@ WorkloadModel read_workload(const YamlNode& node, const Platform& platform) {
   for (const auto& unit : platform.unit_names()) {
     if (!node.has(unit)) continue;
     auto& stages = model.stages[unit];
-    for (const auto& stage : node.at(unit).items()) stages.push_back(read_stage(stage, platform));
-    if (stages.empty()) node.at(unit).fail("must list at least one stage");
+    const YamlNode entry = node.at(unit);
+    if (is_time(entry)) {
+      stages.push_back({.name = "execute", .on = unit, .time = read_distribution(entry)});
+      continue;
+    }
+    for (const auto& stage : entry.items()) stages.push_back(read_stage(stage, platform));
+    if (stages.empty()) entry.fail("must list at least one stage");
   }
   if (node.has("call_j")) {
     const auto call_j = node.at("call_j");

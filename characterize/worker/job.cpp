@@ -229,6 +229,8 @@ JobResult decode_result(const Json& j) {
   result.notes = j.at("notes").get<std::vector<std::string>>();
   result.ops = decode_count(j.at("ops"));
   result.bytes = decode_count(j.at("bytes"));
+  result.host_memory_bytes = decode_count(j.value("host_memory_bytes", Json()));
+  result.device_memory_bytes = decode_count(j.value("device_memory_bytes", Json()));
   for (const auto& phase : j.at("phases")) result.phases.push_back(decode_phase(phase));
   for (const auto& each : j.value("conditions", Json::array())) {
     result.conditions.push_back(
@@ -401,6 +403,8 @@ std::string to_record(const JobResult& r) {
                   {"notes", r.notes},
                   {"ops", encode(r.ops)},
                   {"bytes", encode(r.bytes)},
+                  {"host_memory_bytes", encode(r.host_memory_bytes)},
+                  {"device_memory_bytes", encode(r.device_memory_bytes)},
                   {"phases", phases},
                   {"conditions", conditions},
                   {"metered", encode(r.metered)},

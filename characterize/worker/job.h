@@ -86,6 +86,9 @@ struct JobResult {
   std::vector<std::string> notes;  ///< Of the data: "input_resized", "sequence of 8 frames".
   /// Of a call, the mean over a sequence, where they are not the workload's own.
   std::optional<std::int64_t> ops, bytes;
+  /// What the process has had at most for preparing and calling, and what the kernel has counted
+  /// on its device; absent where nobody knows it.
+  std::optional<std::int64_t> host_memory_bytes, device_memory_bytes;
   std::vector<PhaseSamples> phases;
   std::vector<ConditionSamples> conditions;
   std::optional<MeteredCalls> metered;

@@ -19,6 +19,7 @@
 #include "characterize/worker/job.h"
 #include "characterize/worker/neighbour.h"
 #include "characterize/worker/peaks.h"
+#include "characterize/worker/resident_memory.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
@@ -27,6 +28,7 @@
 #include "workloads/catalog/catalog.h"
 #include "workloads/catalog/own_list.h"
 #include "workloads/inputs/pictures/images.h"
+#include "workloads/model/device_memory.h"
 #include "workloads/model/player.h"
 #include "workloads/model/remote.h"
 #include "workloads/model/tensor_file.h"
@@ -260,6 +262,7 @@ class Worker {
     if (injection_.prepare > 1) extra.emplace(machine_);
     begin("preparing");
     const Clock& clock = is_own(Phase::kPrepare) ? *device_->own_clock() : machine_;
+    const ResidentMemory resident;
     const Nanos begun = clock.now();
     const auto memory = device_->output_memory();
     TensorMemory* const outputs =
@@ -275,10 +278,20 @@ class Worker {
     }
     if (result_.unknown(Phase::kPrepare).empty()) result_.prepare = clock.now() - begun + beside;
     result_.during_setup = interference_since(before);
+    take_memory(resident);
     show_life(0);
     player_->wrap_kernel([this](std::unique_ptr<Kernel> kernel) {
       return slowed(std::move(kernel), injection_.execute, machine_);
     });
+  }
+
+  /// With what it was given, which was there before.
+  void take_memory(const ResidentMemory& resident) {
+    if (is_elsewhere() || device_->own_clock() != nullptr) return;
+    const auto given = static_cast<std::int64_t>(size_bytes(std::span(data_).first(1)));
+    if (const auto added = resident.added_bytes()) result_.host_memory_bytes = *added + given;
+    const auto* const counted = dynamic_cast<const DeviceMemory*>(&player_->kernel());
+    if (counted != nullptr) result_.device_memory_bytes = counted->device_memory_bytes();
   }
 
   struct Before {

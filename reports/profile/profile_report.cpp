@@ -56,6 +56,27 @@ void add_image_column(const Profile& profile, Table& table) {
   table.footnotes.push_back("call/image: the call's time over the images of its batch.");
 }
 
+/// Puts what a call needs of memory before the remarks, where that is known of some.
+void add_memory_column(const Profile& profile, Table& table) {
+  const auto known = [](const PhaseRow& row) {
+    return row.host_memory_bytes || row.device_memory_bytes;
+  };
+  if (std::ranges::none_of(profile.phases, known)) return;
+  table.columns.insert(table.columns.end() - 1, {"MB"});
+  for (auto& row : table.rows) {
+    const auto* call = profile.find(row[0], row[1], Phase::kCall, State::kSteady);
+    std::vector<std::string> parts;
+    if (call != nullptr) {
+      for (const auto& bytes : {call->host_memory_bytes, call->device_memory_bytes}) {
+        if (bytes) parts.push_back(figure(static_cast<double>(*bytes) / 1e6));
+      }
+    }
+    row.insert(row.end() - 1, parts.empty() ? "-" : join(parts, " / "));
+  }
+  table.footnotes.emplace_back(
+      "MB: memory that preparing and calling take on the host, / of the device's buffers.");
+}
+
 std::string spread(const PhaseRow* row) {
   if (row == nullptr || !is_used(*row) || !row->median || !row->ci_low || !row->ci_high) return "-";
   if (row->median->count() <= 0) return "-";
@@ -387,6 +408,7 @@ Table profile_table(const Profile& profile) {
   }
   for (const auto& source : sources) table.footnotes.push_back("Energy of " + source);
   add_image_column(profile, table);
+  add_memory_column(profile, table);
   table.footnotes.push_back(in_short(profile, table.rows.size()));
   return table;
 }

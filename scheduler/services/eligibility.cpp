@@ -48,7 +48,7 @@ std::set<std::string_view> needed_locally(const Mix& mix, CloudUse cloud_use) {
 std::string remedy(const Platform& platform, const Profile* profile,
                    const std::vector<std::string>& missing) {
   if (std::ranges::none_of(platform.units, &UnitModel::measured)) {
-    return "give their stages under `workloads:` in the platform file";
+    return "give their times under `workloads:` in the platform file, or import them (pirt import)";
   }
   for (const std::string& name : missing) {
     if (!is_foreign(name) || try_find_spec(name)) continue;
@@ -187,6 +187,65 @@ UnitMask too_uncertain(const Platform& platform, const ServiceTable& services, W
 }
 
 }  // namespace
+
+namespace {
+
+/// [workload]: where tasks of it may go, whoever serves it.
+std::vector<UnitMask> wanted_units(const Platform& platform, const Mix& mix,
+                                   const ServiceTable& services) {
+  std::vector<UnitMask> wanted(services.workloads.size(), 0);
+  for (const auto& pipeline : mix.pipelines) {
+    for (const auto& task : pipeline.tasks) {
+      const auto found = std::ranges::find(services.workloads, task.workload);
+      wanted[static_cast<std::size_t>(found - services.workloads.begin())] |=
+          task.eligible.empty()
+              ? ~UnitMask{0}
+              : named_units(platform, task.eligible, task_name(mix, pipeline, task));
+    }
+  }
+  return wanted;
+}
+
+}  // namespace
+
+void admit_by_memory(const Platform& platform, const Mix& mix, ServiceTable& services) {
+  const auto wanted = wanted_units(platform, mix, services);
+  for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+    const UnitModel& model = platform.units[unit];
+    if (!model.memory_limit_bytes) continue;
+    const auto megabytes = [](std::int64_t bytes) {
+      return fmt::format("{:.4g}", static_cast<double>(bytes) / 1e6);
+    };
+    std::int64_t held = 0;
+    std::vector<std::string> holds, unknown;
+    for (WorkloadId workload = 0; workload < services.entries.size(); ++workload) {
+      ServiceEntry& entry = services.entries[workload][unit];
+      const std::string& name = services.workloads[workload];
+      if (!entry.service || !contains(wanted[workload], unit)) continue;
+      const auto needed = entry.service->memory_bytes;
+      if (!needed) {
+        unknown.push_back(name);
+      } else if (*needed > *model.memory_limit_bytes - held) {
+        entry = {
+            .service = std::nullopt,
+            .reason = fmt::format("it needs {} MB of the {} of its memory_mb{}", megabytes(*needed),
+                                  megabytes(*model.memory_limit_bytes),
+                                  held == 0 ? ""
+                                            : fmt::format(", of which {} has {}", join(holds, ", "),
+                                                          megabytes(held)))};
+        services.warnings.push_back(
+            fmt::format("{} is not prepared on {}: {}", name, model.name, entry.reason));
+      } else if (!model.contexts) {
+        held += *needed;
+        holds.push_back(name);
+      }
+    }
+    if (unknown.empty()) continue;
+    services.warnings.push_back(fmt::format(
+        "nobody has measured what {} needs of the memory of {}: it is not counted in memory_mb",
+        join(unknown, ", "), model.name));
+  }
+}
 
 std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const Mix& mix,
                                                  const ServiceTable& services,

@@ -32,6 +32,12 @@ enum class CloudUse : std::uint8_t { kNone, kNotRealTime, kAll };
 void check_every_workload_served(const Platform& platform, const Profile* profile, const Mix& mix,
                                  const ServiceTable& services, CloudUse cloud_use);
 
+/// Of units with `memory_mb`: takes from @p services what does not fit there beside what comes
+/// before it, in the order of the mix's tasks, if tasks may go there at all. A unit with contexts
+/// holds one at a time. What nobody has measured is not counted, and warned of.
+/// @throws Error{kBadInput} if `eligible` names neither a unit nor a role.
+void admit_by_memory(const Platform& platform, const Mix& mix, ServiceTable& services);
+
 /// [pipeline][task]: the units that have a service and that `eligible` names, by unit or by role.
 /// One whose figure is uncertain by more than a factor of 4 is among them only where nothing else
 /// of the robot's own is; the cloud is asked for other reasons than its time.

@@ -9,6 +9,7 @@ Scenario make_scenario(const Platform& platform, const Profile* profile, const M
   options.given = given_services(platform, mix);
   const bool slices = options.slices;
   ServiceTable services = resolve_services(platform, profile, workloads_of(mix), options);
+  admit_by_memory(platform, mix, services);
   check_every_workload_served(platform, profile, mix, services, cloud_use);
   std::vector<std::string> warnings;
   auto classes = task_classes(platform, mix, services, warnings);

@@ -142,6 +142,8 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
   }
   Service service;
   service.of_rows = true;
+  const PhaseRow& any = *rows.stages.front();
+  service.memory_bytes = any.device_memory_bytes ? any.device_memory_bytes : any.host_memory_bytes;
   service.time_provenance = rows.stages.front()->provenance;
   for (const auto* row : rows.stages) {
     const Distribution time = time_of(*row, cell.options.draw);

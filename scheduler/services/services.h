@@ -43,6 +43,8 @@ struct Service {
   double extra_j = 0;
   /// A meter's joules a call; stands in place of all modelled energy of a call.
   std::optional<double> metered_j;
+  /// What preparing the workload takes of the unit's memory; absent where nobody has measured it.
+  std::optional<std::int64_t> memory_bytes = {};
   bool of_rows = false;  ///< Its time is that of rows of a profile.
   /// Where the 95 % interval of what a call takes begins and ends, as parts of its median.
   struct Spread {

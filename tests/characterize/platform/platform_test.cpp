@@ -101,6 +101,27 @@ modes:
   EXPECT_EQ(mode.stage_scale.at("npu.setup"), 1.299);
 }
 
+TEST(Platform, ATimeIsShortForOneStageOnTheUnitItself) {
+  const auto parsed = [](const std::string& cpu) {
+    return parse_platform("test.yaml",
+                          "platform: p\nunits: {cpu: {}, gpu: {}}\nworkloads:\n  mine.icp: {cpu: " +
+                              cpu + ", gpu: [{on: cpu, ms: 1}]}\n",
+                          {}, 1);
+  };
+  for (const char* time : {"48", "{uniform: [48, 50]}"}) {
+    const Platform platform = parsed(time);
+    const auto& stages = platform.workloads.at("mine.icp").stages.at("cpu");
+    ASSERT_EQ(stages.size(), 1U) << time;
+    EXPECT_EQ(stages[0].name, "execute");
+    EXPECT_EQ(stages[0].on, "cpu");
+    EXPECT_EQ(stages[0].time.low, from_ms(48));
+  }
+  for (const char* bad : {"-1", "fast", "{uniform: [2, 1]}", "{on: cpu, ms: 1}", "2e9"}) {
+    EXPECT_THAT(test::bad_input([&] { static_cast<void>(parsed(bad)); }), HasSubstr("test.yaml:4"))
+        << bad;
+  }
+}
+
 TEST(Platform, SaysHowLongAUnitStaysAwake) {
   const auto platform = parse(
       "platform: p\nunits:\n  a: {backend: cpu}\n  b: {backend: cpu, spin_us: 0}\n"

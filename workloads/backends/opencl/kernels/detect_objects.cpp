@@ -18,7 +18,7 @@ namespace {
 class DetectObjectsKernel final : public LaunchingKernel {
  public:
   DetectObjectsKernel(DeviceSession session, std::string workload, Plan plan)
-      : LaunchingKernel(std::move(session), std::move(workload)),
+      : LaunchingKernel(std::move(session), std::move(workload), plan.size_bytes),
         plan_(std::move(plan)),
         transfers_(this->session()),
         input_(plan_.inputs[0].spec),

@@ -37,6 +37,10 @@ class ExtractFeaturesKernel final : public PlanKernel {
         describe_(std::move(describe)),
         buffers_(std::move(buffers)) {}
 
+  [[nodiscard]] std::int64_t device_memory_bytes() const override {
+    return PlanKernel::device_memory_bytes() + static_cast<std::int64_t>(describe_.size_bytes);
+  }
+
  private:
   void compute(Launches& launches) override {
     session().queue.enqueueFillBuffer(buffers_.count, cl_int{0}, 0, sizeof(cl_int), nullptr,

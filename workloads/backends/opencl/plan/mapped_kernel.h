@@ -16,7 +16,8 @@ class MappedKernel final : public LaunchingKernel {
  public:
   /// @param plan  Its inputs and outputs have no border.
   MappedKernel(DeviceSession session, std::string workload, Plan plan)
-      : LaunchingKernel(std::move(session), std::move(workload)), plan_(std::move(plan)) {}
+      : LaunchingKernel(std::move(session), std::move(workload), plan.size_bytes),
+        plan_(std::move(plan)) {}
   /// Takes back what the device holds: the tensors are the caller's again.
   ~MappedKernel() override;
 

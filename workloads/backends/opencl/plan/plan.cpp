@@ -187,7 +187,8 @@ Plan PlanBuilder::finish(std::vector<DeviceTensor> inputs, std::vector<DeviceTen
           .held = std::exchange(held_, {}),
           .uses = std::exchange(uses_, {}),
           .current = std::exchange(current_, {}),
-          .next = std::exchange(next_, {})};
+          .next = std::exchange(next_, {}),
+          .size_bytes = std::exchange(all_bytes_, 0)};
 }
 
 std::size_t PlanBuilder::group_items(const Source& source, const char* kernel, LocalNeed need) {

@@ -65,6 +65,7 @@ struct Plan {
   std::vector<cl::Buffer> held;  ///< All buffers of the steps: a cl_kernel retains no arguments.
   std::vector<Use> uses;         ///< Of all buffers.
   std::vector<DeviceTensor> current, next;  ///< The two sets of the workload's state; pad 0.
+  std::size_t size_bytes = 0;               ///< Of all buffers.
 
   /// Gives the steps another buffer in place of @p resident's, which is freed.
   void replace(DeviceTensor& resident, const cl::Buffer& with);

@@ -7,16 +7,20 @@
 #include "workloads/backends/opencl/plan/plan.h"
 #include "workloads/backends/opencl/plan/transfers.h"
 #include "workloads/model/backend.h"
+#include "workloads/model/device_memory.h"
 
 namespace pirt::opencl {
 
 /// What all of them share: how a call is computed, once or more, with stamps or without.
-class LaunchingKernel : public Kernel {
+class LaunchingKernel : public Kernel, public DeviceMemory {
  public:
   /// @param workload  Its name, for messages.
-  LaunchingKernel(DeviceSession session, std::string workload)
-      : session_(std::move(session)), workload_(std::move(workload)) {}
+  LaunchingKernel(DeviceSession session, std::string workload, std::size_t buffers_bytes)
+      : session_(std::move(session)),
+        workload_(std::move(workload)),
+        buffers_bytes_(static_cast<std::int64_t>(buffers_bytes)) {}
 
+  [[nodiscard]] std::int64_t device_memory_bytes() const override { return buffers_bytes_; }
   std::optional<Nanos> execute(int repeats) override;
   std::optional<Nanos> stamped_launch() override;
   /// Computes once more; what the device stamps of it, where it has a clock.
@@ -32,13 +36,14 @@ class LaunchingKernel : public Kernel {
 
   DeviceSession session_;
   std::string workload_;
+  std::int64_t buffers_bytes_;
 };
 
 /// The kernel of a workload that the device computes entirely.
 class PlanKernel : public LaunchingKernel {
  public:
   PlanKernel(DeviceSession session, std::string workload, Plan plan)
-      : LaunchingKernel(std::move(session), std::move(workload)),
+      : LaunchingKernel(std::move(session), std::move(workload), plan.size_bytes),
         plan_(std::move(plan)),
         transfers_(this->session()) {}
 
