@@ -22,6 +22,10 @@ Statistics statistics_of(const PhaseRecord& record) {
     // Each is a mean of somebody else's: nobody measured how far they may be off.
     found.interval.reset();
   }
+  if (record.p95) {
+    found.p95 = *record.p95;
+    found.p99 = std::max(found.p99, found.p95);
+  }
   if (!record.taken) return found;
   // Of fewer than 3 processes, what they span.
   if (!found.interval) {

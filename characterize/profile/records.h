@@ -43,6 +43,8 @@ struct PhaseRecord {
   std::vector<std::string> doubts = {};
   std::vector<Nanos> cpu = {};       ///< Processor time of each sample's call; empty = not known.
   std::optional<double> taken = {};  ///< See PhaseRow.
+  /// As somebody states it who keeps the samples: in place of theirs, and not below their median.
+  std::optional<Nanos> p95 = {};
 };
 
 /// The process of each sample, as PhaseRecord::processes says.

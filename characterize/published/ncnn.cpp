@@ -6,68 +6,28 @@
 #include <map>
 #include <utility>
 
+#include "characterize/published/csv_table.h"
 #include "characterize/published/published.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/numbers.h"
-#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
 
-/// The table with its columns by name.
-class Table {
- public:
-  Table(std::string file, const std::string& text) : file_(std::move(file)) {
-    for (auto& line : split(text, '\n')) {
-      if (line.ends_with('\r')) line.pop_back();
-      lines_.push_back(std::move(line));
-    }
-    columns_ = split(lines_.front(), ',');
-    for (const auto* column : {"soc", "unit", "threads", "network", "avg_ms"}) {
-      if (std::ranges::find(columns_, column) != columns_.end()) continue;
-      throw_bad_input(fmt::format("{}:1: ncnn's table has no column '{}'; it has {}", file_, column,
-                                  join(columns_, ", ")));
-    }
-  }
+[[noreturn]] void refuse_row(const CsvTable& table, const std::string& problem) {
+  throw_bad_input(table.place() + ": " + problem);
+}
 
-  /// Goes to the next row; false behind the last one.
-  bool next() {
-    do {
-      if (++row_ == lines_.size()) return false;
-    } while (lines_[row_].empty());
-    fields_ = split(lines_[row_], ',');
-    if (fields_.size() != columns_.size()) {
-      fail(fmt::format("{} fields, and the head has {}", fields_.size(), columns_.size()));
-    }
-    return true;
-  }
-  /// Empty if there is no such column.
-  [[nodiscard]] std::string text(std::string_view column) const {
-    const auto at = std::ranges::find(columns_, column) - columns_.begin();
-    return at == std::ssize(columns_) ? "" : fields_[static_cast<std::size_t>(at)];
-  }
-  [[nodiscard]] std::string filled(std::string_view column) const {
-    std::string value = text(column);
-    if (value.empty()) fail(fmt::format("{} is empty", column));
-    return value;
-  }
-  [[nodiscard]] Nanos time(std::string_view column) const {
-    return milliseconds(text(column), kNanosecondMs, kLongestMs)
-        .or_refuse(fmt::format("{}:{}: {}", file_, row_ + 1, column));
-  }
-  [[nodiscard]] int threads() const {
-    return whole_number(text("threads"), 1, 4096)
-        .or_refuse(fmt::format("{}:{}: threads", file_, row_ + 1));
-  }
-  [[noreturn]] void fail(const std::string& problem) const {
-    throw_bad_input(fmt::format("{}:{}: {}", file_, row_ + 1, problem));
-  }
+std::string filled(const CsvTable& table, std::string_view column) {
+  std::string value = table.text(column);
+  if (value.empty()) refuse_row(table, std::string(column) + " is empty");
+  return value;
+}
 
- private:
-  std::string file_;
-  std::vector<std::string> lines_, columns_, fields_;
-  std::size_t row_ = 0;
-};
+Nanos time_in(const CsvTable& table, std::string_view column) {
+  return milliseconds(table.text(column), kNanosecondMs, kLongestMs)
+      .or_refuse(fmt::format("{}: {}", table.place(), column));
+}
 
 struct Row {
   std::string edition, soc, unit, network, range;
@@ -76,20 +36,25 @@ struct Row {
 };
 
 std::vector<Row> rows_of(const std::string& file, const std::string& text) {
-  Table table(file, text);
+  CsvTable table(file, text);
+  table.require({"soc", "unit", "threads", "network", "avg_ms"}, "ncnn's table");
   std::vector<Row> rows;
   while (table.next()) {
+    if (const std::string problem = table.misfit(); !problem.empty()) refuse_row(table, problem);
     Row row{.edition = table.text("readme_version"),
-            .soc = table.filled("soc"),
-            .unit = table.filled("unit"),
-            .network = table.filled("network"),
+            .soc = filled(table, "soc"),
+            .unit = filled(table, "unit"),
+            .network = filled(table, "network"),
             .range = "",
-            .threads = table.threads(),
-            .mean = table.time("avg_ms")};
+            .threads =
+                whole_number(table.text("threads"), 1, 4096).or_refuse(table.place() + ": threads"),
+            .mean = time_in(table, "avg_ms")};
     if (!table.text("min_ms").empty() && !table.text("max_ms").empty()) {
-      const Nanos low = table.time("min_ms");
-      const Nanos high = table.time("max_ms");
-      if (low > row.mean || row.mean > high) table.fail("avg_ms is not between min_ms and max_ms");
+      const Nanos low = time_in(table, "min_ms");
+      const Nanos high = time_in(table, "max_ms");
+      if (low > row.mean || row.mean > high) {
+        refuse_row(table, "avg_ms is not between min_ms and max_ms");
+      }
       row.range = fmt::format(", {} to {} ms", table.text("min_ms"), table.text("max_ms"));
     }
     rows.push_back(std::move(row));

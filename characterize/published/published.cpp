@@ -3,16 +3,40 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "characterize/campaign/run_facts.h"
 #include "characterize/machine/environment.h"
+#include "characterize/published/csv_table.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/numbers.h"
+#include "workloads/catalog/specs.h"
 
 namespace pirt {
 namespace {
 
-constexpr const char* kPublished = "published";
+constexpr std::string_view kPublished = "published", kImported = "imported";
+
+/// Stands for mode, precision and backend of a run that pirt did not measure.
+std::string how_taken(const PublishedBoard& board) {
+  return std::string(board.provenance == Provenance::kPublished ? kPublished : kImported);
+}
+
+Publication read_json_of(const std::string& file, const Json& root) {
+  const bool benchmarks = root.contains("benchmarks") && root.at("benchmarks").is_array();
+  if (benchmarks && root.contains("devices")) return read_nvbench(file, root);
+  if (benchmarks && root.contains("context")) return read_google_benchmark(file, root);
+  if (root.contains("metadata")) return read_ros2_benchmark(file, root);
+  throw JsonError(
+      "it is no result of ros2_benchmark (metadata), Google Benchmark (context, benchmarks) or "
+      "nvbench (devices, benchmarks)");
+}
+
+bool begins_with_head(const std::string& text) {
+  const std::string head = text.substr(0, text.find('\n'));
+  return head.find(',') != std::string::npos && head.find(": ") == std::string::npos;
+}
 
 /// In double quotes, as YAML and JSON both read them.
 std::string quoted(const std::string& text) { return json_text(Json(text)); }
@@ -22,12 +46,63 @@ std::string quoted(const std::string& text) { return json_text(Json(text)); }
 Publication read_publication(const std::string& file, const std::string& text) {
   const auto first = text.find_first_not_of(" \t\r\n");
   if (first == std::string::npos) throw_bad_input("'" + file + "' is empty");
-  if (text[first] == '{') return read_ros2_benchmark(file, text);
-  const std::string head = text.substr(first, text.find('\n', first) - first);
-  return head.find(',') != std::string::npos && head.find(": ") == std::string::npos
-             ? read_ncnn(file, text)
-             : read_robotperf(file, text);
+  const std::string body = text.substr(first);
+  if (body.front() == '{') {
+    try {
+      return read_json_of(file, parse_json(body));
+    } catch (const JsonError& error) {
+      throw_bad_input("'" + file + "' cannot be imported: " + error.reason());
+    }
+  }
+  if (body.front() == '#') return read_starpu(file, text);
+  if (!begins_with_head(body)) return read_robotperf(file, text);
+  return CsvTable(file, text).has("soc") ? read_ncnn(file, text) : read_times(file, text);
 }
+
+namespace {
+
+CellRecord cell_of(const PublishedBoard& board, const PublishedFigure& figure,
+                   const std::string& source) {
+  const bool published = board.provenance == Provenance::kPublished;
+  CellRecord cell{
+      .workload = figure.workload,
+      .unit = figure.unit,
+      .ops = figure.ops,
+      .bytes = figure.bytes.value_or(0),
+      .verification = published ? "not verified: published figures" : "not verified: imported",
+      .phases = {},
+      .energy = {},
+      .host_memory_bytes = figure.memory_bytes};
+  if (const auto spec = try_find_spec(figure.workload)) {
+    cell.ops = spec->ops;
+    cell.bytes = spec->bytes;
+  }
+  PhaseRecord call;
+  call.phase = Phase::kCall;
+  call.provenance = board.provenance;
+  call.notes = figure.notes;
+  call.doubts = figure.doubts;
+  call.samples = figure.samples;
+  call.p95 = figure.p95;
+  if (published) {
+    // Nobody says that they were taken by one process.
+    for (std::size_t i = 0; i < figure.samples.size(); ++i) {
+      call.processes.push_back(static_cast<std::int32_t>(i));
+    }
+  } else {
+    call.notes.insert(call.notes.begin(), "measured elsewhere");
+  }
+  cell.phases.push_back(std::move(call));
+  if (figure.energy_j) {
+    cell.energy = EnergyRecord{.energy_j = figure.energy_j,
+                               .provenance = board.provenance,
+                               .source = "elsewhere: " + source,
+                               .reasons = {}};
+  }
+  return cell;
+}
+
+}  // namespace
 
 std::int64_t write_published(ProfileWriter& writer, const PublishedBoard& board,
                              const std::string& source) {
@@ -39,32 +114,19 @@ std::int64_t write_published(ProfileWriter& writer, const PublishedBoard& board,
   header.environment["source"] = source;
   header.environment["machine"] = board.said;
   if (!board.edition.empty()) header.environment["published.edition"] = board.edition;
-  header.environment["mode"] = kPublished;
-  header.environment["precision"] = kPublished;  // Is identity: nothing is compared with it.
+  header.environment["mode"] = how_taken(board);
+  header.environment["precision"] = how_taken(board);  // Is identity: nothing is compared with it.
   for (const PublishedUnit& unit : board.units) {
     header.units.push_back({.unit = unit.name,
-                            .backend = kPublished,
+
+                            .backend = how_taken(board),
                             .device = unit.device,
                             .device_is_cpu = unit.is_cpu,
                             .cores = {}});
   }
   const std::int64_t run_id = writer.begin_run(header);
   for (const PublishedFigure& figure : board.figures) {
-    CellRecord cell;
-    cell.workload = figure.workload;
-    cell.unit = figure.unit;
-    cell.verification = "not verified: published figures";
-    PhaseRecord call;
-    call.phase = Phase::kCall;
-    call.provenance = Provenance::kPublished;
-    call.notes = figure.notes;
-    call.samples = figure.samples;
-    // Nobody says that they were taken by one process.
-    for (std::size_t i = 0; i < figure.samples.size(); ++i) {
-      call.processes.push_back(static_cast<std::int32_t>(i));
-    }
-    cell.phases.push_back(std::move(call));
-    writer.write_cell(run_id, cell);
+    writer.write_cell(run_id, cell_of(board, figure, source));
   }
   writer.finish_run(run_id, utc_now());
   return run_id;
@@ -73,11 +135,10 @@ std::int64_t write_published(ProfileWriter& writer, const PublishedBoard& board,
 std::string published_platform(const PublishedBoard& board, const std::string& source) {
   std::string text = fmt::format(
       "platform: {}\ndescription: {}\nassumptions: {}\nunits:\n", board.name,
-      quoted(board.said + ", as published: " + source),
-      quoted(
-          "The watts of the units are published nowhere here; set them, or energy is not known."));
+      quoted(fmt::format("{}, as {}: {}", board.said, how_taken(board), source)),
+      quoted("The watts of the units stand nowhere here; set them, or energy is not known."));
   for (const PublishedUnit& unit : board.units) {
-    text += fmt::format("  {}: {{servers: 1, slots: 1}}  # {}\n", unit.name, unit.device);
+    text += fmt::format("  {}: {{servers: 1, slots: 1}}  # {}\n", unit.name, quoted(unit.device));
   }
   return text;
 }
@@ -95,6 +156,44 @@ std::string name_of(const std::string& said, char gap) {
   }
   if (!name.empty() && name.back() == gap) name.pop_back();
   return name;
+}
+
+std::optional<std::string> published_platform(const Profile& profile) {
+  PublishedBoard board{.name = profile.platform(), .said = profile.path};
+  for (const RunInfo& run : profile.runs) {
+    for (const UnitRecord& unit : run.units) {
+      if (unit.backend != kPublished && unit.backend != kImported) return std::nullopt;
+      if (unit.backend == kImported) board.provenance = Provenance::kMeasured;
+      add_unit(board, {.name = unit.unit, .device = unit.device, .is_cpu = unit.device_is_cpu});
+    }
+  }
+  if (board.units.empty()) return std::nullopt;
+  return published_platform(board, profile.path);
+}
+
+std::string board_of(const std::string& file) {
+  const std::string name = name_of(std::filesystem::path(file).stem().string());
+  return name.empty() ? "elsewhere" : name;
+}
+
+std::string foreign_name(const std::string& prefix, const std::string& said,
+                         std::map<std::string, std::string>& known) {
+  const std::string name = name_of(said, '_');
+  if (name.empty()) throw JsonError("'" + said + "' has no letter or digit to be called by");
+  const auto [first, is_new] = known.try_emplace(name, said);
+  if (!is_new && first->second != said) {
+    throw JsonError(fmt::format("'{}' and '{}' would both be called {}.{}; rename one",
+                                first->second, said, prefix, name));
+  }
+  return prefix + "." + name;
+}
+
+Nanos published_time(double value, double unit_ns, const std::string& what) {
+  const double ms = value * unit_ns / 1e6;
+  if (!(ms >= kNanosecondMs && ms <= kLongestMs)) {
+    throw JsonError(fmt::format("{} is {}, no time of a call", what, value));
+  }
+  return from_ms(ms);
 }
 
 void add_unit(PublishedBoard& board, const PublishedUnit& unit) {

@@ -4,7 +4,6 @@
 #include "characterize/published/published.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
-#include "workloads/base/text/numbers.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -12,15 +11,9 @@ namespace {
 
 constexpr const char* kBasic = "BasicPerformanceMetrics.";
 
-Nanos time_at(const Json& test, const std::string& key) {
-  const double ms = test.at(key).get<double>();
-  if (!(ms >= kNanosecondMs && ms <= kLongestMs)) {
-    throw JsonError(fmt::format("{} is {}, no time in ms", key, ms));
-  }
-  return from_ms(ms);
-}
+}  // namespace
 
-Publication read(const Json& root, const std::string& file) {
+Publication read_ros2_benchmark(const std::string& file, const Json& root) {
   const Json& metadata = root.at("metadata");
   const auto said = [&metadata](const char* key) {
     return metadata.value("BenchmarkMetadata." + std::string(key), "");
@@ -43,8 +36,8 @@ Publication read(const Json& root, const std::string& file) {
     if (!key.ends_with("fps") || !test.is_object()) continue;
     rates.push_back(key);
     for (const char* which : {"FIRST", "LAST"}) {
-      figure.samples.push_back(
-          time_at(test, fmt::format("{}{}_SENT_RECEIVED_LATENCY", kBasic, which)));
+      const std::string latency = fmt::format("{}{}_SENT_RECEIVED_LATENCY", kBasic, which);
+      figure.samples.push_back(published_time(test.at(latency).get<double>(), 1e6, latency));
     }
   }
   if (figure.samples.empty()) {
@@ -67,16 +60,6 @@ Publication read(const Json& root, const std::string& file) {
   return {.format = "ros2_benchmark",
           .boards = {std::move(board)},
           .left_out = {"latencies at the highest rate: messages waited"}};
-}
-
-}  // namespace
-
-Publication read_ros2_benchmark(const std::string& file, const std::string& text) {
-  try {
-    return read(parse_json(text), file);
-  } catch (const JsonError& error) {
-    throw_bad_input("'" + file + "' is no result of ros2_benchmark: " + error.reason());
-  }
 }
 
 }  // namespace pirt

@@ -1,12 +1,21 @@
 #include "cli/options/profile_platform.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <set>
 #include <utility>
 
+#include "characterize/profile/size_estimate.h"
 #include "characterize/profile/store/reader.h"
+#include "characterize/published/published.h"
+#include "cli/options/output.h"
 #include "cli/options/own.h"
+#include "reports/document/figures.h"
 #include "scheduler/services/devices.h"
+#include "scheduler/services/eligibility.h"
 #include "workloads/base/error.h"
+#include "workloads/base/text/shell.h"
 
 namespace pirt::cli {
 
@@ -14,6 +23,9 @@ Platform platform_of(const Profile& profile, const std::vector<YamlOverride>& ov
   const std::string& name = profile.platform();
   const auto shipped = shipped_platforms();
   if (std::ranges::find(shipped, name) == shipped.end()) {
+    if (const auto imported = published_platform(profile)) {
+      return parse_platform(profile.path, *imported, overrides, 1);
+    }
     throw_bad_input("profile '" + profile.path + "' was taken on platform " + name +
                     ", which is not shipped; give its file with --platform FILE.yaml");
   }
@@ -31,6 +43,55 @@ ProfiledPlatform read_platform(const std::optional<std::string>& platform,
   read.platform = on_devices(std::move(read.platform), read.profile ? &*read.profile : nullptr);
   if (read.profile) doubt_rows(*read.profile, own);
   return read;
+}
+
+namespace {
+
+/// What to do about the gap, the other way than --estimate.
+std::string how_to_measure(const ProfiledPlatform& read, const SizeGap& gap) {
+  const UnitModel* unit = read.platform.find_unit(gap.unit);
+  const std::string path = path_in_shell(read.profile->path);
+  if (unit == nullptr || !unit->measured()) return "pirt import TABLE.csv --db " + path;
+  return fmt::format(
+      "pirt characterize --platform {} --units {} --filter '^{}$' --db {}",
+      path_in_shell(read.platform.argument.empty() ? read.platform.name : read.platform.argument),
+      gap.unit, gap.workload, path);
+}
+
+}  // namespace
+
+void add_estimate_option(Command& command, bool& estimate) {
+  command.add_flag("--estimate", estimate,
+                   "Model the times of workloads at a size that is not measured (sobel@1280x720) "
+                   "from four or more other sizes on the same unit, if it is between them");
+}
+
+void fill_sizes(ProfiledPlatform& read, const Mix& mix, bool estimate) {
+  if (!read.profile) return;
+  std::set<std::string> served;
+  for (const auto& [workload, model] : read.platform.workloads) served.insert(workload);
+  for (const std::string& workload : read.profile->workloads()) served.insert(workload);
+  std::vector<std::pair<std::string, std::string>> missing;  // workload, what to say
+  for (const SizeGap& gap : size_gaps(*read.profile, workloads_of(mix))) {
+    const std::string what = gap.workload + " on " + gap.unit;
+    if (!estimate || !gap.why_not.empty()) {
+      missing.emplace_back(
+          gap.workload,
+          fmt::format("{} has no row, and none of another size is taken for it{}: {}{}", what,
+                      estimate ? ", nor can they make an estimate, since " + gap.why_not : "",
+                      how_to_measure(read, gap), gap.why_not.empty() ? ", or --estimate" : ""));
+      continue;
+    }
+    served.insert(gap.workload);
+    const PhaseRow call = add_estimate(*read.profile, gap);
+    warn(fmt::format("{} is modelled: {} (95 %: {} to {}), through {} other sizes", what,
+                     duration_text(*call.median), duration_text(*call.ci_low),
+                     duration_text(*call.ci_high), gap.others.size()));
+  }
+  for (const auto& [workload, text] : missing) {
+    if (!served.contains(workload)) throw_bad_input("mix " + mix.name + ": " + text);
+    warn(text);
+  }
 }
 
 }  // namespace pirt::cli

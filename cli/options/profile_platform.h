@@ -7,11 +7,13 @@
 
 #include "characterize/platform/platform.h"
 #include "characterize/profile/profile.h"
+#include "cli/options/command.h"
+#include "scheduler/mix/mix.h"
 
 namespace pirt::cli {
 
-/// @throws Error{kBadInput} if it is none that is shipped: then it came from a file, which has to
-/// be given.
+/// Of figures that were imported for a platform that is not shipped, one with their units.
+/// @throws Error{kBadInput} if it is neither: then it came from a file, which has to be given.
 [[nodiscard]] Platform platform_of(const Profile& profile,
                                    const std::vector<YamlOverride>& overrides = {});
 
@@ -29,5 +31,13 @@ struct ProfiledPlatform {
                                              const std::optional<std::string>& profile,
                                              const std::vector<YamlOverride>& overrides,
                                              const std::vector<std::string>& own = {});
+
+/// --estimate
+void add_estimate_option(Command& command, bool& estimate);
+/// Of workloads NAME@WIDTHxHEIGHT of the mix that the profile has no rows of on some unit, but of
+/// other sizes: says so with the command that measures them, or, with @p estimate, adds rows of a
+/// model where it can (profile/size_estimate.h) and says what they are.
+/// @throws Error{kBadInput} if no other unit serves one.
+void fill_sizes(ProfiledPlatform& read, const Mix& mix, bool estimate);
 
 }  // namespace pirt::cli

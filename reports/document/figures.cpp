@@ -46,8 +46,10 @@ std::string mark(Origin origin) {
 }
 
 std::string_view provenance_legend() {
-  return "Unmarked figures are measured on this machine; # counted, ~ modelled, ^ fitted, + "
-         "published; * a sum with stronger ones. ? uncertain, ?? by more than a factor of 4.";
+  return "Unmarked figures are measured, on this machine unless a note says elsewhere; # counted, "
+         "~ "
+         "modelled, ^ fitted, + published; * a sum with stronger ones. ? uncertain, ?? by more "
+         "than a factor of 4.";
 }
 
 std::string marked(const std::string& text, Origin provenance) { return mark(provenance) + text; }

@@ -69,6 +69,38 @@ TEST_F(Import, SaysWhereAForeignWorkloadIsMissing) {
                  {"ncnn.vgg"});
 }
 
+TEST_F(Import, TakesTimesOfOnesOwnAndSchedulesWithThem) {
+  const auto times = scratch_.write("bench.csv",
+                                    "\xEF\xBB\xBFunit, workload, ms, p95_ms, energy_mj\r\n"
+                                    "cpu,mine.icp,40,60,80\r\ngpu,\"mine.icp\",10,,\r\n");
+  const auto imported =
+      pirt({"import", times, "--db", database_, "--source", "our lab", "--json", "-"});
+  ASSERT_EQ(imported.exit_code, 0) << imported.err;
+  EXPECT_EQ(imported.json()["runs"][0]["provenance"], "measured");
+  const auto mix = scratch_.write(
+      "i.yaml",
+      "mix: i\npipelines:\n  see: {closed_loop: {frames: 100}, tasks: [{workload: mine.icp}]}\n");
+  // No platform is given: it has the units of the rows.
+  const auto outcome =
+      pirt({"schedule", "--profile", database_, "--mix", mix, "--mode", "ect", "--json", "-"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto run = outcome.json();
+  EXPECT_EQ(run["platform"], "bench");
+  EXPECT_EQ(run["completed"], 100);
+  EXPECT_GE(run["makespan_s"].get<double>(), 100 / 125.0);
+  EXPECT_EQ(run["units"]["gpu"]["provenance"][0], "measured");
+  const auto rows = pirt({"export", database_, "--format", "csv"});
+  EXPECT_THAT(rows.out, AllOf(HasSubstr("measured elsewhere"), HasSubstr("60000000")));
+}
+
+TEST_F(Import, StoresNothingOfATableWithAWrongRow) {
+  const auto times =
+      scratch_.write("t2.csv", "workload,unit,ms\nsobell,cpu,1\nmine.a,cpu,x\nmine.b,cpu,2\n");
+  expect_refused(pirt({"import", times, "--db", database_}),
+                 {"t2.csv:2", "sobel", "t2.csv:3", "ms"});
+  EXPECT_FALSE(std::filesystem::exists(database_));
+}
+
 TEST_F(Import, RefusesWhatIsNoPublication) {
   expect_refused(pirt({"import", mix_, "--db", database_}), {"none of what can be imported"});
   EXPECT_FALSE(std::filesystem::exists(database_)) << "nothing is made then";

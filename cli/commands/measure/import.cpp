@@ -1,4 +1,4 @@
-// pirt import: figures that others have published, into a profile database.
+// pirt import: figures that pirt has not measured, into a profile database.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -62,14 +62,14 @@ int import(const ImportFlags& options) {
   choose(publication, options);
   const std::string source = options.source.value_or(options.file);
   ProfileWriter writer(options.database);
-  Table table{
-      .title = fmt::format("Published figures of {} ({})", options.file, publication.format),
-      .columns = {{"platform", Align::kLeft},
-                  {"edition", Align::kLeft},
-                  {"unit", Align::kLeft},
-                  {"workload", Align::kLeft},
-                  {"ms"},
-                  {"figures"}}};
+  Table table{.title = fmt::format("Figures of {} ({})", options.file, publication.format),
+              .columns = {{"platform", Align::kLeft},
+                          {"edition", Align::kLeft},
+                          {"unit", Align::kLeft},
+                          {"workload", Align::kLeft},
+                          {"ms"},
+                          {"figures"},
+                          {"provenance", Align::kLeft}}};
   Json runs = Json::array();
   for (const PublishedBoard& board : publication.boards) {
     if (board.figures.empty()) {
@@ -82,7 +82,8 @@ int import(const ImportFlags& options) {
     for (const PublishedFigure& figure : board.figures) {
       table.rows.push_back({board.name, board.edition.empty() ? "-" : board.edition, figure.unit,
                             figure.workload, medians(figure),
-                            fmt::format("{}", figure.samples.size())});
+                            fmt::format("{}", figure.samples.size()),
+                            std::string(to_string(board.provenance))});
       Json samples = Json::array();
       for (const Nanos sample : figure.samples) samples.push_back(sample.count());
       rows.push_back({{"workload", figure.workload},
@@ -90,8 +91,11 @@ int import(const ImportFlags& options) {
                       {"call_ns", samples},
                       {"notes", figure.notes}});
     }
-    Json run = {
-        {"run_id", run_id}, {"platform", board.name}, {"board", board.said}, {"rows", rows}};
+    Json run = {{"run_id", run_id},
+                {"platform", board.name},
+                {"board", board.said},
+                {"provenance", to_string(board.provenance)},
+                {"rows", rows}};
     if (!board.edition.empty()) run["edition"] = board.edition;
     runs.push_back(std::move(run));
   }
@@ -124,9 +128,11 @@ std::string no_platform_name(const std::string& text) {
 void add_import(CLI::App& app, Action& action) {
   auto options = std::make_shared<ImportFlags>();
   Command command(app, "import",
-                  "Take figures that others have published into a profile database: JSON of "
-                  "ros2_benchmark, a benchmark.yaml of RobotPerf, a table of ncnn as CSV");
-  add_input(command, "file", &options->file, "What was published").required();
+                  "Take figures that pirt has not measured into a profile database: times of your "
+                  "own as CSV (workload, unit, ms), JSON of Google Benchmark or nvbench, a history "
+                  "of StarPU; published ones of ros2_benchmark (JSON), RobotPerf (benchmark.yaml) "
+                  "and ncnn (CSV)");
+  add_input(command, "file", &options->file, "What was measured, or published").required();
   add_continued(command, "--db", &options->database,
                 "Profile database; made if missing, added to otherwise")
       .required();
@@ -140,10 +146,12 @@ void add_import(CLI::App& app, Action& action) {
              StdoutUse::kRefused);
   add_json(command, options->json);
   command.footer(
-      "Rows are of provenance `published` and keep foreign names (ncnn.alexnet), which a mix may "
-      "name as workloads.\n"
-      "Example: pirt import ncnn.csv --db published.db --board qualcomm-msm8996-snapdragon-820 "
-      "--platform-file board.yaml");
+      "A table of times may also have p95_ms, samples, energy_mj, memory_mb, size (1280x720) and "
+      "source. Its workloads are those of `pirt list workloads`, or have a dot (mine.icp). Such "
+      "rows are `measured`, and noted `measured elsewhere`; those of others are `published` and "
+      "keep foreign names (ncnn.alexnet).\n"
+      "Example: pirt import times.csv --db mine.db && pirt schedule --profile mine.db --mix "
+      "./mine.yaml --mode ect");
   command.runs(action, [options] { return import(*options); });
 }
 

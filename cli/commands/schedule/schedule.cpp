@@ -61,6 +61,7 @@ struct ScheduleFlags {
   std::optional<std::string> power_cap;
   std::string draw = "median";
   bool strict = false;
+  bool estimate = false;
   std::uint64_t seed = 1;
   bool seed_given = false;
   std::optional<std::string> faults;
@@ -158,12 +159,13 @@ Inputs read_inputs(const ScheduleFlags& options) {
   }
   const auto overrides = parse_overrides(options.settings);
   auto read = read_platform(options.platform, options.profile, overrides, own);
+  inputs.mix = load_mix(options.mix);  // The profile says what workloads of its own it has.
+  if (read.profile && find_draw(options.draw) == Draw::kSamples) {
+    ProfileReader(*options.profile).read_samples(*read.profile);
+  }
+  fill_sizes(read, inputs.mix, options.estimate);
   inputs.platform = std::move(read.platform);
   inputs.profile = std::move(read.profile);
-  inputs.mix = load_mix(options.mix);  // The profile says what workloads of its own it has.
-  if (inputs.profile && find_draw(options.draw) == Draw::kSamples) {
-    ProfileReader(*options.profile).read_samples(*inputs.profile);
-  }
   if (options.seed_given && !options.live && find_draw(options.draw) != Draw::kSamples &&
       !draws_times(inputs.platform, inputs.mix)) {
     warn("--seed changes nothing: every call takes the time that is known of it" +
@@ -360,6 +362,7 @@ void add_schedule(CLI::App& app, Action& action) {
              "Let tasks with a nearer deadline in between two slices of a call, where its workload "
              "can be left there (default: on in mode budget, off in others)");
   add_strict(command, options->strict);
+  add_estimate_option(command, options->estimate);
   add_choice(command, "--draw", &options->draw, "HOW", draw_names(),
              "What a call on a profiled unit takes; samples: one of its samples at a time, drawn "
              "with --seed")
@@ -386,7 +389,7 @@ void add_schedule(CLI::App& app, Action& action) {
     command.option("--pareto").excludes(command.option(name));
   for (const auto* name : {"--no-preinit", "--update-profile"})
     command.option(name).needs(command.option("--live"));
-  for (const auto* name : {"--strict", "--update-profile"})
+  for (const auto* name : {"--strict", "--estimate", "--update-profile"})
     command.option(name).needs(command.option("--profile"));
   command.footer(
       "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000");

@@ -33,6 +33,7 @@ struct WhatIfFlags {
   std::string draw = "median";
   std::uint64_t seed = 1;
   bool strict = false;
+  bool estimate = false;
   Output markdown, json;
 };
 
@@ -59,6 +60,7 @@ int find_what_breaks(const WhatIfFlags& options) {
   if (read.profile && schedule.draw == Draw::kSamples) {
     ProfileReader(*options.profile).read_samples(*read.profile);
   }
+  fill_sizes(read, mix, options.estimate);
   schedule.without = options.without;
   schedule.seed = options.seed;
   schedule.strict = options.strict;
@@ -117,9 +119,11 @@ void add_what_if(CLI::App& app, Action& action) {
              "What a call on a profiled unit takes")
       .shows_default();
   add_strict(command, options->strict);
+  add_estimate_option(command, options->estimate);
   add_seed(command, options->seed, "Seed of drawn durations and of jitter");
   add_output(command, "--markdown", options->markdown, "Write the table as Markdown, - for stdout");
   add_json(command, options->json);
+  command.option("--estimate").needs(command.option("--profile"));
   lower.excludes(command.option("--raise"));
   command.footer(
       "Exit code 0: some mode keeps what the mix wants as it is; 1: none does.\n"
