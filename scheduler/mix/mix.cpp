@@ -133,10 +133,27 @@ void read_service(const YamlNode& node, MixTask& task) {
   task.service_location = node.location();
 }
 
+/// 921600, as much in as out, or {in: 921600, out: 1200}.
+MixBytes read_bytes(const YamlNode& node, const MixTask& task) {
+  if (!task.service.empty()) {
+    node.fail(
+        "a task with service_ms moves what its edges say; use after: [{task: NAME, bytes: N}]");
+  }
+  if (moves_tensors(find_spec(task.workload))) {
+    node.fail("the tensors of " + task.workload + " say what it moves; leave it out");
+  }
+  if (!node.is_map()) {
+    const std::int64_t each_way = node.integer(0, kMaxCount);
+    return {.in = each_way, .out = each_way};
+  }
+  node.check_keys({"in", "out"});
+  return {.in = node.at("in").integer(0, kMaxCount), .out = node.at("out").integer(0, kMaxCount)};
+}
+
 NamedTask read_task(const YamlNode& node, const std::string& pipeline,
                     const std::vector<std::string>& eligible) {
-  node.check_keys(
-      {"name", "workload", "service_ms", "image_input", "inputs", "after", "state", "eligible"});
+  node.check_keys({"name", "workload", "service_ms", "image_input", "inputs", "after", "state",
+                   "bytes", "eligible"});
   NamedTask named{.task = {}, .after = {}, .ports = {}, .node = node};
   if (node.has("workload") == node.has("service_ms")) {
     node.fail(
@@ -154,6 +171,7 @@ NamedTask read_task(const YamlNode& node, const std::string& pipeline,
     read_service(node.at("service_ms"), named.task);
     named.task.workload = pipeline + "/" + named.task.name;
   }
+  if (node.has("bytes")) named.task.bytes = read_bytes(node.at("bytes"), named.task);
   if (node.has("image_input")) named.task.image_input = node.at("image_input").boolean();
   named.task.eligible = node.has("eligible") ? read_eligible(node.at("eligible")) : eligible;
   if (node.has("after")) {
@@ -233,12 +251,23 @@ void add_port_edge(const PortInput& port, const std::vector<NamedTask>& tasks, N
                find_spec(tasks[port.task].task.workload).outputs[port.output].size_bytes();
 }
 
+/// What a foreign task makes goes to a task with service_ms along their edge, unless that says how
+/// much: other calls move it themselves.
+void add_foreign_bytes(const std::vector<NamedTask>& tasks, const std::vector<std::size_t>& after,
+                       MixTask& taker) {
+  for (std::size_t i = 0; i < after.size() && !taker.service.empty(); ++i) {
+    const MixTask& maker = tasks[after[i]].task;
+    if (!taker.edges[i].bytes && maker.bytes) taker.edges[i].bytes = maker.bytes->out;
+  }
+}
+
 Edges resolve_edges(std::vector<NamedTask>& tasks, const TaskNames& names) {
   Edges edges(tasks.size());
   for (std::size_t i = 0; i < tasks.size(); ++i) {
     for (const auto& name : tasks[i].after) {
       edges[i].push_back(names.find(tasks[i].node.at("after"), name));
     }
+    add_foreign_bytes(tasks, edges[i], tasks[i].task);
     for (const NamedPort& named : tasks[i].ports) {
       const PortInput port = resolve_port(named, tasks[i], tasks, names);
       tasks[i].task.inputs.push_back(port);

@@ -21,6 +21,11 @@ struct MixEdge {
   bool by_port = false;
 };
 
+/// What a call moves to where it is computed, and back.
+struct MixBytes {
+  std::int64_t in = 0, out = 0;
+};
+
 /// Data that a task takes from another.
 struct PortInput {
   std::size_t input = 0;   ///< Position in its workload's inputs.
@@ -43,7 +48,9 @@ struct MixTask {
   std::vector<std::size_t> after;  ///< Positions in Pipeline::tasks, all before this one.
   std::vector<MixEdge> edges;      ///< From each of `after`.
   std::optional<std::int64_t>
-      input_bytes;                     ///< Given with the edges; absent = the workload's inputs.
+      input_bytes;  ///< Given with the edges; absent = the workload's inputs.
+  /// Of a foreign workload, whose tensors nobody here knows; absent = nothing.
+  std::optional<MixBytes> bytes;
   std::vector<PortInput> inputs;       ///< Each input at most once; the others come from outside.
   std::vector<std::size_t> handed_on;  ///< Its outputs that others take, each once, rising.
   bool read_later = false;             ///< Some task of a later firing takes one of them.

@@ -1,5 +1,7 @@
 #include "scheduler/policies/setup.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <utility>
@@ -9,8 +11,10 @@
 #include "scheduler/planner/mix_plan.h"
 #include "scheduler/policies/unit_order.h"
 #include "scheduler/policies/weights.h"
+#include "scheduler/services/transfers.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
+#include "workloads/catalog/specs.h"
 
 namespace pirt {
 namespace {
@@ -139,6 +143,30 @@ void check_every_task_placeable(const Scenario& scenario, const Policy& policy, 
   }
 }
 
+/// A foreign task that moves nothing is offloaded for less than it costs.
+void warn_of_nothing_moved(const Policy& policy, Scenario& scenario) {
+  for (std::size_t p = 0; p < scenario.classes.size(); ++p) {
+    const Pipeline& pipeline = scenario.mix.pipelines[p];
+    for (std::size_t t = 0; t < scenario.classes[p].size(); ++t) {
+      const TaskClass& kind = scenario.classes[p][t];
+      const MixTask& task = pipeline.tasks[t];
+      const CallBytes bytes = call_bytes(task);
+      if (!bytes.moves || bytes.in + bytes.out > 0 || task.bytes) continue;
+      if (moves_tensors(find_spec(task.workload))) continue;
+      UnitMask linked = policy.takers(kind, kind.eligible);
+      for (UnitId unit = 0; unit < scenario.platform.units.size(); ++unit) {
+        if (link_of(scenario.platform, unit) == nullptr) linked &= ~unit_bit(unit);
+      }
+      if (linked == 0) continue;
+      scenario.services.warnings.push_back(fmt::format(
+          "{}: nobody has said what {} moves, so that it goes to {} and back as a message without "
+          "data; give the task `bytes:`",
+          task_name(scenario.mix, pipeline, task), task.workload,
+          unit_list(scenario.platform, linked)));
+    }
+  }
+}
+
 /// Each task's place in a plan.
 void number_entries(Scenario& scenario) {
   std::uint32_t entry = 0;
@@ -226,6 +254,7 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
   setup.seed = options.seed;
   auto policy = mode.policy.make(setup);
   check_every_task_placeable(scenario, *policy, mode);
+  warn_of_nothing_moved(*policy, scenario);
   std::vector<std::optional<int>> slots;
   // What is handed to a unit that computes can no longer be cancelled, expire or be overtaken.
   for (const auto& unit : platform.units) {

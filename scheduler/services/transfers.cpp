@@ -75,6 +75,10 @@ CallBytes call_bytes(const MixTask& task) {
   for (const PortInput& port : task.inputs) bytes.in -= workload.inputs[port.input].size_bytes();
   for (const std::size_t output : task.handed_on)
     bytes.out -= workload.outputs[output].size_bytes();
+  if (task.bytes) {
+    bytes.in = task.bytes->in;
+    bytes.out = task.bytes->out;
+  }
   if (task.input_bytes) bytes.in = *task.input_bytes;
   return bytes;
 }

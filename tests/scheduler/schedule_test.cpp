@@ -87,6 +87,41 @@ TEST(Schedule, DoesNotTakeTheCloudForARealTimeTask) {
               HasSubstr("'^(alexnet)$'"));
 }
 
+/// An offloaded foreign task on a link of 1 Mbit/s without latency, and what comes after it.
+RunRecord run_foreign(const std::string& bytes) {
+  const Platform platform = platform_of(R"(
+platform: p
+units: {cpu: {servers: 1}, cloud: {servers: 1, link: radio}}
+links: {radio: {mbit_s: 1}}
+workloads: {mine.icp: {cloud: 10}}
+)");
+  const Mix mix = mix_of(
+      "mix: m\npipelines:\n  p:\n    closed_loop: {frames: 1}\n    tasks:\n"
+      "      - {workload: mine.icp" +
+      bytes + "}\n      - {name: act, service_ms: {cpu: 1}, after: [mine.icp]}\n");
+  return run(platform, mix, mode("etf"));
+}
+
+TEST(Schedule, AnOffloadedForeignTaskMovesTheBytesThatItIsGiven) {
+  const auto has_warning = [](const RunRecord& record) {
+    return std::ranges::any_of(record.warnings, [](const std::string& warning) {
+      return warning.find("mix m: pipelines.p: mine.icp: nobody has said what") == 0;
+    });
+  };
+  // 10 ms there and 1 ms here.
+  const RunRecord nothing = run_foreign("");
+  EXPECT_DOUBLE_EQ(nothing.makespan_s, 0.011);
+  EXPECT_TRUE(has_warning(nothing));
+  // 1000 bytes take 8 ms each way, and 125 bytes 1 ms.
+  const RunRecord alike = run_foreign(", bytes: 1000");
+  EXPECT_DOUBLE_EQ(alike.makespan_s, 0.027);
+  EXPECT_FALSE(has_warning(alike));
+  EXPECT_DOUBLE_EQ(run_foreign(", bytes: {in: 1000, out: 125}").makespan_s, 0.020);
+  const RunRecord none = run_foreign(", bytes: 0");
+  EXPECT_DOUBLE_EQ(none.makespan_s, 0.011);
+  EXPECT_FALSE(has_warning(none)) << "that has been said";
+}
+
 TEST(Schedule, LeavesOutTheUnitsThatItIsTold) {
   const auto mix = mix_of("mix: m\npipelines: {p: {rate_hz: 10, tasks: [{workload: alexnet}]}}");
   auto options = mode("met", 1);

@@ -27,6 +27,12 @@ struct WorkloadSpec {
   std::vector<double> slices = {};
 };
 
+/// Whether anybody here knows what a call takes and makes; false of a foreign workload of which
+/// nobody has said it.
+[[nodiscard]] inline bool moves_tensors(const WorkloadSpec& workload) {
+  return !workload.inputs.empty() || !workload.outputs.empty();
+}
+
 /// In the catalog's order, without variants and batches.
 [[nodiscard]] std::vector<std::string> workload_names();
 /// Of the catalog, a variant or a batch; absent if there is none of that name.

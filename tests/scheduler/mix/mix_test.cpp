@@ -60,6 +60,38 @@ pipelines:
   EXPECT_FALSE(second.tasks[0].input_bytes);
 }
 
+TEST(Mix, BytesAreThoseOfForeignTasks) {
+  const auto one = [](const std::string& task) {
+    return pipeline("    rate_hz: 1\n    tasks: [{" + task + "}]\n");
+  };
+  const Mix alike = mix_of(one("workload: mine.icp, bytes: 921600"));
+  EXPECT_EQ(alike.pipelines[0].tasks[0].bytes->in, 921600);
+  EXPECT_EQ(alike.pipelines[0].tasks[0].bytes->out, 921600);
+  const Mix two = mix_of(one("workload: mine.icp, bytes: {in: 10, out: 0}"));
+  EXPECT_EQ(two.pipelines[0].tasks[0].bytes->in, 10);
+  EXPECT_EQ(two.pipelines[0].tasks[0].bytes->out, 0);
+  EXPECT_THAT(refused(one("workload: sobel, bytes: 1")),
+              AllOf(HasSubstr("test.yaml:5"), HasSubstr("tensors of sobel")));
+  EXPECT_THAT(refused(one("name: a, service_ms: {cpu: 1}, bytes: 1")), HasSubstr("edges"));
+  for (const char* bad : {"-1", "1.5", "1e13", "{in: 1}", "{in: 1, out: 1, at: 1}"}) {
+    EXPECT_THAT(refused(one(std::string("workload: mine.icp, bytes: ") + bad)),
+                HasSubstr("test.yaml:5"))
+        << bad;
+  }
+  // Along an edge to a task that moves nothing itself; what the edge says goes before it.
+  const Mix edges = mix_of(pipeline(R"(
+    rate_hz: 1
+    tasks:
+      - {workload: mine.icp, bytes: {in: 10, out: 20}}
+      - {name: a, service_ms: {cpu: 1}, after: [mine.icp]}
+      - {name: b, service_ms: {cpu: 1}, after: [{task: mine.icp, bytes: 5}]}
+      - {name: c, workload: mine.other, after: [mine.icp]}
+)"));
+  EXPECT_EQ(edges.pipelines[0].tasks[1].edges[0].bytes, 20);
+  EXPECT_EQ(edges.pipelines[0].tasks[2].edges[0].bytes, 5);
+  EXPECT_EQ(edges.pipelines[0].tasks[3].edges[0].bytes, std::nullopt);
+}
+
 TEST(Mix, PutsPredecessorsFirst) {
   const Mix mix = mix_of(pipeline(R"(
     rate_hz: 1
