@@ -84,7 +84,9 @@ struct History {
 HistoryEntry read_entry(HistoryLines& lines, const std::string& unit) {
   const auto words = lines.next(8, "an entry: hash size flops mean dev sum sum2 n");
   const std::string where = lines.place() + ": ";
-  HistoryEntry entry{.unit = unit, .hash = words[0]};
+  HistoryEntry entry;
+  entry.unit = unit;
+  entry.hash = words[0];
   entry.size_bytes =
       whole_number(words[1], std::int64_t{0}, std::int64_t{1} << 50).or_refuse(where + "size");
   if (const auto flops = decimal_number(words[2], 1, 1e18).value) {
