@@ -138,6 +138,9 @@ RegressOptions as_commands(RegressOptions options) {
 
 int regress(const RegressOptions& options) {
   if (!options.as.empty()) return regress_commands(as_commands(options));
+  if (!options.own.files.empty()) {
+    throw_bad_input("--workloads brings what --as compares, which is not given");
+  }
   if (!options.baseline_command.empty()) return regress_commands(options);
   if (!options.baseline_program.empty()) return regress_programs(options);
   return regress_tables(options);
@@ -157,7 +160,6 @@ void keep_apart(const Command& command, const Option& profiles) {
     option("--as").excludes(option(name));
   }
   option("--as").excludes(profiles);
-  option("--workloads").needs(option("--as"));
   for (const auto* name : {"--setup-command", "--reads", "--warm-up"}) {
     option(name).needs(option("--baseline-command"));
   }
