@@ -148,6 +148,7 @@ Inputs read_inputs(const ScheduleFlags& options) {
   Inputs inputs;
   const auto own = options.own.all(options.mix);
   if (options.live) load(own);
+  if (!options.profile) inputs.mix = load_mix(options.mix);  // First: it costs nothing to mend.
   if (!options.profile && !options.platform) {
     throw_bad_input(
         "give --profile FILE (from pirt characterize), or --platform with a modelled one (pirt "
@@ -159,7 +160,8 @@ Inputs read_inputs(const ScheduleFlags& options) {
   }
   const auto overrides = parse_overrides(options.settings);
   auto read = read_platform(options.platform, options.profile, overrides, own);
-  inputs.mix = load_mix(options.mix);  // The profile says what workloads of its own it has.
+  // The profile says what workloads of its own it has.
+  if (options.profile) inputs.mix = load_mix(options.mix);
   if (read.profile && find_draw(options.draw) == Draw::kSamples) {
     ProfileReader(*options.profile).read_samples(*read.profile);
   }
