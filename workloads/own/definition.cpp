@@ -292,9 +292,10 @@ Workload make(const std::shared_ptr<const Definition>& shared, Size size) {
   w.operation = operation;
   if (is_sized(definition)) {
     w.at_size = [shared](int width, int height) {
-      const Size at{width, height};
-      check_tensor(shared->outputs.front(), at, shared->source);
-      return make(shared, at);
+      Definition sized = *shared;
+      sized.size = Size{width, height};
+      check(sized, shared->source);
+      return make(shared, *sized.size);
     };
   }
   return w;

@@ -79,6 +79,10 @@ TEST(OwnDefinition, IsMadeForSizes) {
   wide.outputs.front().element = Element::kF32;
   const Workload of_floats = to_workload(wide);
   EXPECT_THROW(static_cast<void>(of_floats.at_size(65'536, 65'536)), Error);
+  wide = blur();
+  wide.inputs.front().element = Element::kF64;
+  const Workload from_floats = to_workload(wide);
+  EXPECT_THROW(static_cast<void>(from_floats.at_size(65'536, 65'536)), Error);
 }
 
 TEST(OwnDefinition, RefusesWhatIsNone) {
