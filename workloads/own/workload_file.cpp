@@ -11,6 +11,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
 #include "workloads/base/text/yaml.h"
+#include "workloads/model/function_kernel.h"
 #include "workloads/own/own.h"
 #include "workloads/own/program.h"
 #include "workloads/recognition/model.h"
@@ -193,40 +194,26 @@ void read_program(const fs::path& file, const YamlNode& node, Definition& defini
   };
 }
 
-/// A network on the host's cores.
-class NetworkKernel final : public Kernel {
- public:
-  NetworkKernel(std::string name, std::unique_ptr<recognition::Network> network, int threads)
-      : name_(std::move(name)), network_(std::move(network)), threads_(threads) {}
-  void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
-    inputs_ = inputs;
-    outputs_ = outputs;
-  }
-  std::optional<Nanos> execute(int repeats) override {
-    const Tensor& input = inputs_.front();
-    const std::vector<int> shape(input.spec().shape.begin(), input.spec().shape.end());
-    for (int i = 0; i < repeats; ++i) {
-      std::string error;
-      const auto results = network_->run(input.as<float>(), shape, threads_, error);
-      if (!error.empty()) throw_environment(name_ + ": " + error);
-      for (std::size_t k = 0; k < outputs_.size(); ++k) {
-        if (k >= results.size() || results[k].shape != outputs_[k].spec().shape) {
-          throw_environment(
-              fmt::format("{}: output {} is not {}", name_, k, outputs_[k].spec().describe()));
+/// A network on @p threads of the host's cores.
+std::unique_ptr<Kernel> network_kernel(const std::string& name, const fs::path& model,
+                                       const std::optional<fs::path>& config, int threads) {
+  const std::shared_ptr network = recognition::open_network(model, config);
+  return std::make_unique<FunctionKernel>(
+      [=](std::span<const Tensor> inputs, std::span<Tensor> outputs) {
+        const Tensor& input = inputs.front();
+        const std::vector<int> shape(input.spec().shape.begin(), input.spec().shape.end());
+        std::string error;
+        const auto results = network->run(input.as<float>(), shape, threads, error);
+        if (!error.empty()) throw_environment(name + ": " + error);
+        for (std::size_t i = 0; i < outputs.size(); ++i) {
+          if (i >= results.size() || results[i].shape != outputs[i].spec().shape) {
+            throw_environment(
+                fmt::format("{}: output {} is not {}", name, i, outputs[i].spec().describe()));
+          }
+          std::ranges::copy(results[i].values, outputs[i].as<float>().begin());
         }
-        std::ranges::copy(results[k].values, outputs_[k].as<float>().begin());
-      }
-    }
-    return std::nullopt;
-  }
-
- private:
-  std::string name_;
-  std::unique_ptr<recognition::Network> network_;
-  int threads_;
-  std::span<const Tensor> inputs_;
-  std::span<Tensor> outputs_;
-};
+      });
+}
 
 /// What the network makes of its input.
 std::vector<TensorSpec> outputs_of(recognition::Network& network, const TensorSpec& input) {
@@ -278,8 +265,7 @@ void read_network(const fs::path& file, const YamlNode& node, Definition& defini
   definition.backends.emplace_back("cpu");
   definition.functions = [name = definition.name, model, config](Size) {
     return Functions{.cpu = [=](std::span<const Tensor>, int threads) {
-      return std::make_unique<NetworkKernel>(name, recognition::open_network(model, config),
-                                             threads);
+      return network_kernel(name, model, config, threads);
     }};
   };
 }
