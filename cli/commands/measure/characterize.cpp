@@ -611,10 +611,9 @@ void add_characterize(CLI::App& app, Action& action) {
   const Option resume = command.add_flag(
       "--resume", options->resume,
       "Go on with the newest run of --db that did not end, with the options it was started with");
-  for (const auto* name :
-       {"--platform", "--set", "--mix", "--units", "--workloads", "--filter", "--variants",
-        "--sizes", "--batch", "--images", "--topics", "--precision", "--seed", "--quick",
-        "--interference"}) {
+  for (const auto* name : {"--platform", "--set", "--mix", "--units", "--workloads", "--filter",
+                           "--variants", "--sizes", "--batch", "--images", "--topics",
+                           "--precision", "--seed", "--quick", "--interference"}) {
     resume.excludes(command.option(name));
   }
   add_json(command, options->json);
