@@ -38,8 +38,7 @@ void for_each_definition(const RunInfo& run, const Use& use) {
 std::map<std::string, std::string> own_facts(const Workload& workload) {
   const OwnOperation* const own = own_operation(workload);
   if (own == nullptr) return {};
-  const std::string name = workload.name.substr(0, workload.name.find('@'));
-  return {{std::string(kOwnFact) + name, own->definition}};
+  return {{std::string(kOwnFact) + own::plain_name(workload.name), own->definition}};
 }
 
 void learn_workloads(const Profile& profile) {
@@ -62,8 +61,7 @@ std::string doubt_changed(Profile& profile, const std::string& file, const std::
     });
     for (auto* rows : {&profile.phases, &profile.conditions}) {
       for (PhaseRow& row : *rows) {
-        const std::string name = row.workload.substr(0, row.workload.find('@'));
-        if (row.run_id != run.run_id || !changed.contains(name)) continue;
+        if (row.run_id != run.run_id || !changed.contains(own::plain_name(row.workload))) continue;
         if (std::ranges::find(row.doubts, kChanged) == row.doubts.end()) {
           row.doubts.emplace_back(kChanged);
         }

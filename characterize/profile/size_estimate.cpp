@@ -19,14 +19,8 @@ constexpr double kLeastExponent = 0.1, kMostExponent = 3, kExponentStep = 0.01;
 constexpr std::array kPhasesOfCall = {Phase::kUpload, Phase::kLaunch, Phase::kExecute,
                                       Phase::kDownload};
 
-std::optional<own::Size> size_in(const std::string& workload) {
-  const auto at = workload.find('@');
-  return at == std::string::npos ? std::nullopt : own::size_from(workload.substr(at + 1));
-}
-
-std::string plain_name(const std::string& workload) {
-  return workload.substr(0, workload.find('@'));
-}
+using own::plain_name;
+using own::size_in;
 
 /// Of the first output; of a foreign workload, whose outputs nobody knows, of a picture of its
 /// size. Absent where that is not known either.

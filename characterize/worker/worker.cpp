@@ -26,14 +26,14 @@
 #include "workloads/base/system/caches.h"
 #include "workloads/base/text/json.h"
 #include "workloads/catalog/catalog.h"
-#include "workloads/catalog/own_list.h"
+#include "workloads/catalog/own_files.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/model/device_memory.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/model/player.h"
 #include "workloads/model/remote.h"
 #include "workloads/model/tensor_file.h"
 #include "workloads/own/guarded_memory.h"
-#include "workloads/own/own.h"
 
 namespace pirt {
 namespace {
@@ -171,15 +171,12 @@ class Worker {
   void load_own() {
     begin("loading " + job_.own);
     Json definitions = Json::array();
-    std::vector<Workload> workloads;
-    for (const own::Definition& each : own::load(job_.own)) {
+    for (const own::Definition& each : load_workloads(job_.own)) {
       if (!job_.own_digest.empty() && each.digest != job_.own_digest) {
         throw_environment(job_.own + " is not what it was when the run began; start a new run");
       }
       definitions.push_back(own::to_json(each));
-      workloads.push_back(own::to_workload(each));
     }
-    make_known(std::move(workloads));
     if (job_.kind == JobKind::kDescribe) result_.definitions = json_text(definitions);
   }
 

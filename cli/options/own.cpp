@@ -10,7 +10,7 @@
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "workloads/base/error.h"
-#include "workloads/catalog/own_list.h"
+#include "workloads/catalog/own_files.h"
 #include "workloads/own/own.h"
 
 namespace pirt::cli {
@@ -45,11 +45,7 @@ void learn(const std::vector<std::string>& files) {
 }
 
 void load(const std::vector<std::string>& files) {
-  for (const std::string& file : files) {
-    std::vector<Workload> workloads;
-    for (const own::Definition& each : own::load(file)) workloads.push_back(own::to_workload(each));
-    make_known(std::move(workloads));
-  }
+  for (const std::string& file : files) static_cast<void>(load_workloads(file));
 }
 
 void doubt_rows(Profile& profile, const std::vector<std::string>& files) {

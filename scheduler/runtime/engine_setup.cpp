@@ -13,6 +13,7 @@
 #include "workloads/base/system/thread.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/own/definition.h"
 
 namespace pirt {
 namespace {
@@ -125,8 +126,8 @@ std::string Runtime::Engine::name_of_rows(const Workload& made) const {
                     (plain->inputs == made.inputs && plain->outputs == made.outputs);
   if (same || made.inputs.empty() || made.inputs.front().shape.size() < 2) return made.name;
   const auto& shape = made.inputs.front().shape;
-  const std::string name = fmt::format("{}@{}x{}", plain->name.substr(0, plain->name.find('@')),
-                                       shape.back(), shape.end()[-2]);
+  const std::string name =
+      fmt::format("{}@{}x{}", own::plain_name(plain->name), shape.back(), shape.end()[-2]);
   const auto has_rows = std::ranges::any_of(
       options_.profile->phases, [&name](const PhaseRow& row) { return row.workload == name; });
   if (has_rows) return name;

@@ -7,9 +7,8 @@
 #include "characterize/profile/own_rows.h"
 #include "scheduler/runtime/engine.h"
 #include "workloads/base/error.h"
-#include "workloads/catalog/own_list.h"
+#include "workloads/catalog/own_files.h"
 #include "workloads/model/slices.h"
-#include "workloads/own/own.h"
 
 namespace pirt {
 
@@ -69,13 +68,7 @@ std::stop_token stop_of_this_call() { return stop_of_call(); }
 
 Runtime::Runtime(RuntimeOptions options) {
   for (const std::string& file : options.files) {
-    std::vector<Workload> workloads;
-    std::string digest;
-    for (const own::Definition& each : own::load(file)) {
-      workloads.push_back(own::to_workload(each));
-      digest = each.digest;
-    }
-    make_known(std::move(workloads));
+    const std::string digest = load_workloads(file).front().digest;
     const auto path = std::filesystem::absolute(file).lexically_normal().string();
     if (options.profile) static_cast<void>(doubt_changed(*options.profile, path, digest));
   }

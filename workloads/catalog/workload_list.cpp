@@ -164,9 +164,8 @@ const Workload* WorkloadList::try_find(std::string_view name) const {
 
 const Workload& WorkloadList::find(std::string_view name) const {
   if (const auto* found = try_find(name)) return *found;
-  const auto at = name.find('@');
-  const Workload* const plain = try_find(name.substr(0, at));
-  if (at != std::string_view::npos && plain != nullptr && own::size_from(name.substr(at + 1))) {
+  const Workload* const plain = try_find(own::plain_name(std::string(name)));
+  if (plain != nullptr && own::size_in(std::string(name))) {
     throw_bad_input("workload '" + plain->name + "' has no other sizes: '" + std::string(name) +
                     "'; `pirt list workloads` shows those that have");
   }

@@ -45,17 +45,8 @@ bool is_sized(const Definition& definition) {
          any(definition.state);
 }
 
-TensorSpec at(TensorSpec spec, Size size) {
-  for (std::int64_t& extent : spec.shape) {
-    if (extent == kWidth) extent = size.width;
-    if (extent == kHeight) extent = size.height;
-  }
-  return spec;
-}
-
-std::vector<TensorSpec> at(std::vector<TensorSpec> specs, Size size) {
-  for (TensorSpec& spec : specs) spec = at(std::move(spec), size);
-  return specs;
+std::int64_t at(std::int64_t extent, Size size) {
+  return extent == kWidth ? size.width : extent == kHeight ? size.height : extent;
 }
 
 bool is_integer(Element element) { return element != Element::kF32 && element != Element::kF64; }
@@ -190,7 +181,8 @@ void check_tensor(const TensorSpec& spec, Size largest, const std::string& where
     fail(fmt::format("has {} dimensions; 1 to {} are possible", spec.shape.size(), kMostDims));
   }
   double bytes = static_cast<double>(size_bytes(spec.element));
-  for (const std::int64_t extent : at(spec, largest).shape) {
+  for (const std::int64_t given : spec.shape) {
+    const std::int64_t extent = at(given, largest);
     if (extent < 1 || extent > kMostRow) fail(fmt::format("has an extent of {}", extent));
     bytes *= static_cast<double>(extent);
   }
@@ -314,6 +306,34 @@ std::optional<Size> size_from(std::string_view text) {
   return Size{*width.value, *height.value};
 }
 
+std::string plain_name(const std::string& workload) {
+  return workload.substr(0, workload.find('@'));
+}
+
+std::optional<Size> size_in(const std::string& workload) {
+  const auto at = workload.find('@');
+  return at == std::string::npos ? std::nullopt : size_from(workload.substr(at + 1));
+}
+
+std::optional<Element> element_from(std::string_view text) {
+  const auto found =
+      std::ranges::find(kElements, text, [](Element element) { return pirt::to_string(element); });
+  return found == kElements.end() ? std::nullopt : std::optional(*found);
+}
+
+std::vector<TensorSpec> at(std::vector<TensorSpec> specs, Size size) {
+  for (TensorSpec& spec : specs) {
+    for (std::int64_t& extent : spec.shape) extent = at(extent, size);
+  }
+  return specs;
+}
+
+OpenclSource at(OpenclSource source, Size size) {
+  for (std::int64_t& extent : source.global) extent = at(extent, size);
+  source.options += fmt::format(" -DPIRT_WIDTH={} -DPIRT_HEIGHT={}", size.width, size.height);
+  return source;
+}
+
 void check(const Definition& definition, const std::string& where) {
   if (const std::string problem = name_problem(definition.name); !problem.empty()) {
     throw_bad_input(fmt::format("{}: the name '{}' {}", where, definition.name, problem));
@@ -394,9 +414,8 @@ TensorSpec tensor_from(const std::string& name, std::string_view text) {
   const auto open = text.find('[');
   if (open == std::string_view::npos || text.back() != ']') fail();
   TensorSpec spec{.name = name, .element = Element::kU8, .shape = {}};
-  const auto element = std::ranges::find(kElements, text.substr(0, open),
-                                         [](Element each) { return pirt::to_string(each); });
-  if (element == kElements.end()) fail();
+  const auto element = element_from(text.substr(0, open));
+  if (!element) fail();
   spec.element = *element;
   std::string inside(text.substr(open + 1, text.size() - open - 2));
   if (inside.starts_with("<=")) {

@@ -45,6 +45,19 @@ struct Size {
 /// Within 1 and 65,536 each; absent for any other text.
 [[nodiscard]] std::optional<Size> size_from(std::string_view text);
 
+/// "sobel" of "sobel@1280x720@map".
+[[nodiscard]] std::string plain_name(const std::string& workload);
+/// Of "sobel@1280x720"; absent where another thing follows the name.
+[[nodiscard]] std::optional<Size> size_in(const std::string& workload);
+
+/// "u8", "f32"; absent for any other text.
+[[nodiscard]] std::optional<Element> element_from(std::string_view text);
+
+/// With the width and height of @p size in place of kWidth and kHeight.
+[[nodiscard]] std::vector<TensorSpec> at(std::vector<TensorSpec> specs, Size size);
+/// The same of its global sizes, and with -DPIRT_WIDTH and -DPIRT_HEIGHT.
+[[nodiscard]] OpenclSource at(OpenclSource source, Size size);
+
 struct Definition {
   std::string name = {};         ///< "mine.sobel"
   std::string description = {};  ///< One line; may be empty.

@@ -22,6 +22,11 @@ namespace pirt::own {
 namespace {
 
 constexpr std::uint32_t kMostCount = 64;
+static_assert(PIRT_U8 == static_cast<int>(Element::kU8) &&
+              PIRT_I16 == static_cast<int>(Element::kI16) &&
+              PIRT_I32 == static_cast<int>(Element::kI32) &&
+              PIRT_F32 == static_cast<int>(Element::kF32) &&
+              PIRT_F64 == static_cast<int>(Element::kF64));
 
 /// What a function of the module says of a failure.
 class Message {
@@ -67,13 +72,11 @@ const T& element(const T* first, std::uint32_t i) {
 
 TensorSpec spec_of(const pirt_tensor_spec& given, const std::string& where) {
   check_head(given, "pirt_tensor_spec", where);
-  constexpr std::array kElements = {Element::kU8, Element::kI16, Element::kI32, Element::kF32,
-                                    Element::kF64};
   TensorSpec spec{.name = given.name == nullptr ? "" : given.name,
                   .element = Element::kU8,
                   .shape = {},
                   .varies = given.varies != 0};
-  if (given.element < 0 || given.element >= static_cast<int>(kElements.size())) {
+  if (given.element < 0 || given.element > PIRT_F64) {
     throw_bad_input(fmt::format("{}: tensor '{}' has elements of a type {} that there is not",
                                 where, spec.name, given.element));
   }
@@ -81,7 +84,7 @@ TensorSpec spec_of(const pirt_tensor_spec& given, const std::string& where) {
     throw_bad_input(fmt::format("{}: tensor '{}' has {} dimensions; 1 to {} are possible", where,
                                 spec.name, given.dims, PIRT_MOST_DIMS));
   }
-  spec.element = kElements[static_cast<std::size_t>(given.element)];
+  spec.element = static_cast<Element>(given.element);
   spec.shape.assign(given.shape, given.shape + given.dims);
   if (given.has_range != 0) spec.ranges = {{given.low, given.high}};
   return spec;
@@ -258,11 +261,10 @@ OpenclSource source_of(const pirt_opencl_kernel& given, Size size, const std::st
                       .text = given.source,
                       .kernel = given.kernel,
                       .options = given.options == nullptr ? "" : std::string(" ") + given.options};
-  source.options += fmt::format(" -DPIRT_WIDTH={} -DPIRT_HEIGHT={}", size.width, size.height);
+  std::ranges::copy(given.global, source.global.begin());
+  std::ranges::copy(given.local, source.local.begin());
+  source = at(std::move(source), size);
   for (std::size_t i = 0; i < 3; ++i) {
-    const std::int64_t global = given.global[i];
-    source.global[i] = global == kWidth ? size.width : global == kHeight ? size.height : global;
-    source.local[i] = given.local[i];
     if (source.global[i] < 0 || source.local[i] < 0) {
       throw_bad_input(where + ": a global or local size is below 0");
     }

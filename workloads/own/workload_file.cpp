@@ -75,13 +75,10 @@ std::array<std::int64_t, 3> read_extents(const YamlNode& node) {
 }
 
 OpenclArgument read_argument(const YamlNode& node, const Definition& definition) {
-  constexpr std::array kElements = {Element::kU8, Element::kI16, Element::kI32, Element::kF32,
-                                    Element::kF64};
   if (node.is_map()) {
     const auto keys = node.keys();
-    const auto element = std::ranges::find(kElements, keys.empty() ? "" : keys.front(),
-                                           [](Element each) { return pirt::to_string(each); });
-    if (keys.size() != 1 || element == kElements.end()) {
+    const auto element = element_from(keys.empty() ? "" : keys.front());
+    if (keys.size() != 1 || !element) {
       node.fail("is no number of an argument: {u8: 128}, {i32: -1}, {f32: 0.5}");
     }
     return {
@@ -142,15 +139,7 @@ void read_opencl(const fs::path& file, const YamlNode& node, Definition& definit
     source.arguments.push_back(read_argument(argument, definition));
   }
   definition.backends.emplace_back("opencl");
-  definition.functions = [source](Size size) {
-    OpenclSource made = source;
-    for (std::int64_t& extent : made.global) {
-      if (extent == kWidth) extent = size.width;
-      if (extent == kHeight) extent = size.height;
-    }
-    made.options += fmt::format(" -DPIRT_WIDTH={} -DPIRT_HEIGHT={}", size.width, size.height);
-    return Functions{.opencl = made};
-  };
+  definition.functions = [source](Size size) { return Functions{.opencl = at(source, size)}; };
 }
 
 void read_program(const fs::path& file, const YamlNode& node, Definition& definition) {
@@ -175,19 +164,10 @@ void read_program(const fs::path& file, const YamlNode& node, Definition& defini
   program.outputs = definition.outputs;
   definition.backends.emplace_back("cpu");
   definition.functions = [program](Size size) {
-    const auto made = [size](std::vector<TensorSpec> specs) {
-      for (TensorSpec& spec : specs) {
-        for (std::int64_t& extent : spec.shape) {
-          if (extent == kWidth) extent = size.width;
-          if (extent == kHeight) extent = size.height;
-        }
-      }
-      return specs;
-    };
     Program sized = program;
-    sized.inputs = made(program.inputs);
-    sized.parameters = made(program.parameters);
-    sized.outputs = made(program.outputs);
+    sized.inputs = at(program.inputs, size);
+    sized.parameters = at(program.parameters, size);
+    sized.outputs = at(program.outputs, size);
     return Functions{.cpu = [sized](std::span<const Tensor> parameters, int threads) {
       return make_program_kernel(sized, parameters, threads);
     }};

@@ -56,9 +56,9 @@ Kind kind_of(const Workload& workload) {
   if (workload.batch > 1 && workload.variant == suffix && workload.name.ends_with("@" + suffix)) {
     return {workload.name.substr(0, workload.name.size() - suffix.size() - 1), {workload.batch}};
   }
-  const std::string plain = workload.name.substr(0, workload.name.find('@'));
-  const std::string rest = workload.name.substr(std::min(plain.size() + 1, workload.name.size()));
-  if (const auto size = own::size_from(rest)) return {plain, {size->width, size->height}};
+  if (const auto size = own::size_in(workload.name)) {
+    return {own::plain_name(workload.name), {size->width, size->height}};
+  }
   const Operation* const operation = workload.operation.get();
   if (const auto* const scene = dynamic_cast<const recognition::DescribeByModels*>(operation)) {
     const Workload known =
