@@ -92,18 +92,22 @@ PhaseRow estimated_row(const Profile& profile, const SizeGap& gap, Phase phase) 
   const auto times = times_of(profile, gap, phase);
   const Nanos middle = from_s(fit_sizes(times).at(*elements_of(gap.workload)));
   double error = log_error_of_fit(times);
-  double tail = 1;  // p95 over median
+  double tail = 1;                  // p95 over median
+  std::vector<std::string> doubts;  // What is doubted of them is of what follows from them.
   for (const std::string& other : gap.others) {
     const PhaseRow& row = *usable_row(profile, other, gap.unit, phase);
     const double median = to_s(*row.median);
     tail = std::max(tail, to_s(row.p95.value_or(*row.median)) / median);
     if (row.ci_high) error = std::max(error, std::log(to_s(*row.ci_high) / median));
+    for (const std::string& doubt : row.doubts) {
+      if (std::ranges::find(doubts, doubt) == doubts.end()) doubts.push_back(doubt);
+    }
   }
   PhaseRow row = *usable_row(profile, gap.others.front(), gap.unit, phase);
   row.workload = gap.workload;
   row.provenance = Provenance::kModelled;
   row.notes = {fmt::format("estimated through {} sizes", gap.others.size())};
-  row.doubts.clear();
+  row.doubts = std::move(doubts);
   row.median = row.mean = middle;
   row.mad = Nanos::zero();
   row.p95 = row.p99 = scaled(middle, tail);

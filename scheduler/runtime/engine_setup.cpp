@@ -13,6 +13,7 @@
 #include "workloads/base/system/thread.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/catalog/own_list.h"
 #include "workloads/own/definition.h"
 
 namespace pirt {
@@ -143,6 +144,7 @@ void Runtime::Engine::list_workloads() {
     if (!names_.emplace(name, workloads_.size()).second) {
       throw_bad_input("workload '" + name + "' is given twice");
     }
+    check_code_is_here(workload);
     workloads_.push_back({.workload = &workload,
                           .own = own,
                           .takes_image = std::ranges::any_of(workload.inputs, is_picture)});

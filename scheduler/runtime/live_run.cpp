@@ -11,6 +11,7 @@
 #include "scheduler/runtime/samples.h"
 #include "scheduler/runtime/threads.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/catalog/own_list.h"
 
 namespace pirt {
 namespace {
@@ -56,7 +57,9 @@ class LiveRun final : public Executor, private LiveDriver {
                 .slices = scenario.slices},
                *this) {
     for (const MixState& state : scenario.mix.states) {
-      units_.add_state(find_workload(state.workload));
+      const Workload& workload = find_workload(state.workload);
+      check_code_is_here(workload);
+      units_.add_state(workload);
     }
   }
 
@@ -172,6 +175,7 @@ class LiveRun final : public Executor, private LiveDriver {
         if (!contains(kind.eligible, unit) || known[kind.workload]) continue;
         known[kind.workload] = true;
         const Workload& workload = find_workload(scenario_.services.workloads[kind.workload]);
+        check_code_is_here(workload);
         preparations.push_back({.workload = &workload, .sample = samples_.of(workload, 0)});
       }
     }

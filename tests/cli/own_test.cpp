@@ -73,7 +73,8 @@ TEST_F(Own, IsScheduledWithoutItsCode) {
   EXPECT_EQ(changed.exit_code, 0);
   EXPECT_THAT(changed.err, AllOf(HasSubstr("is not what was measured"), HasSubstr(sized)));
   EXPECT_EQ(schedule(sized, {"--workloads", module, "--strict"}).exit_code, 2);
-  // Live it is loaded.
+  // Live it is loaded, and has to be there.
+  expect_refused(schedule(sized, {"--live"}), {sized, "--workloads", module});
   const auto live = schedule(sized, {"--workloads", module, "--live", "--json", "-"});
   ASSERT_EQ(live.exit_code, 0) << live.err;
   EXPECT_EQ(live.json().at("completed"), 10);
@@ -102,14 +103,14 @@ TEST_F(Own, AWorkloadFileHasKernelsAndPrograms) {
 
 TEST_F(Own, IsHeldAgainstAnother) {
   const auto regress = [this](const std::string& pair, std::vector<std::string> more) {
-    std::vector<std::string> words = {
-        "regress", "--as", pair,       "--workloads",           kHostileModule,
-        "--work",  "2ms",  "--ledger", scratch_.file("ledger"), "--max-time",
-        "2s"};
+    std::vector<std::string> words = {"regress",     "--as",         pair,
+                                      "--workloads", kHostileModule, "--work",
+                                      "2ms",         "--ledger",     scratch_.file("ledger"),
+                                      "--max-time",  "1ms"};
     words.insert(words.end(), more.begin(), more.end());
     return pirt(words);
   };
-  // Two seconds decide nothing; what is compared is said.
+  // No time decides nothing; what is compared is said.
   const auto outcome = regress("bad.good=bad.prints", {"--units", "cpu"});
   EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
   EXPECT_THAT(outcome.out,

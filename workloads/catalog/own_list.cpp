@@ -4,6 +4,9 @@
 #include <deque>
 #include <mutex>
 
+#include "workloads/base/error.h"
+#include "workloads/model/own_operation.h"
+
 namespace pirt {
 namespace {
 
@@ -39,6 +42,13 @@ const Workload* try_find_own(std::string_view name) {
   const std::lock_guard lock(list.mutex);
   const auto found = std::ranges::find(list.found, name, &Workload::name);
   return found == list.found.end() ? nullptr : *found;
+}
+
+void check_code_is_here(const Workload& workload) {
+  const OwnOperation* const own = own_operation(workload);
+  if (own == nullptr || workload.make_data) return;
+  throw_bad_input("to compute '" + workload.name + "' takes its code; give it with --workloads " +
+                  own->source + " (RuntimeOptions::files)");
 }
 
 std::vector<const Workload*> own_workloads() {

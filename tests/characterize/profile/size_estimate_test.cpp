@@ -137,6 +137,15 @@ TEST(SizeEstimate, IsNotBeyondThemNorOfThree) {
   EXPECT_THAT(size_gaps(profile, {"sobel@1280x720"}).at(0).others, SizeIs(3));
 }
 
+TEST(SizeEstimate, IsDoubtedAsWhatItFollowsFrom) {
+  Profile profile = sobels();
+  const auto gaps = size_gaps(profile, {"sobel@1280x720"});
+  ASSERT_THAT(gaps, SizeIs(1));
+  profile.phases[0].doubts = {"changed"};
+  profile.phases[1].doubts = {"changed", "contended"};
+  EXPECT_THAT(add_estimate(profile, gaps[0]).doubts, ElementsAre("changed", "contended"));
+}
+
 TEST(SizeEstimate, TellsPhasesApartWhereAllSizesDo) {
   Profile profile = sobels();
   const auto sized = profile.phases;
