@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 #include <tuple>
 
 #include "characterize/profile/identity.h"
@@ -102,9 +103,9 @@ void add_changes(const History& history, std::size_t begin, std::size_t end,
   }
 }
 
-/// What finds the same run in a copy of its file.
-auto same_run(const HistoryRun& run) {
-  return std::tie(run.info.started, run.info.seed, run.info.environment);
+/// What finds the same run in a copy of its file; runs of one second tell their place among these.
+auto same_run(const HistoryRun& run, std::ptrdiff_t place) {
+  return std::tuple(run.info.started, run.info.seed, run.info.environment, place);
 }
 
 }  // namespace
@@ -145,15 +146,22 @@ History read_history(const std::vector<std::filesystem::path>& files, const std:
                      const std::string& filter) {
   History history{.platform = platform, .runs = {}, .series = {}};
   std::vector<std::pair<HistoryRun, Profile>> found;
+  std::set<decltype(same_run({}, {}))> known;
   for (const auto& file : files) {
     const ProfileReader reader(file);
     if (history.platform.empty()) history.platform = reader.read().platform();
-    for (const std::int64_t id : reader.finished_runs(history.platform)) {
+    decltype(known) here;
+    // The oldest first: a start is said in seconds, so the order in the file tells more.
+    auto ids = reader.finished_runs(history.platform);
+    std::ranges::reverse(ids);
+    for (const std::int64_t id : ids) {
       Profile profile = reader.read(history.platform, {id, id});
       HistoryRun run{file.string(), profile.runs.front()};
-      const bool known = std::ranges::any_of(
-          found, [&run](const auto& each) { return same_run(each.first) == same_run(run); });
-      if (!known) found.emplace_back(std::move(run), std::move(profile));
+      std::ptrdiff_t place = 0;
+      while (!here.insert(same_run(run, place)).second) ++place;
+      if (known.insert(same_run(run, place)).second) {
+        found.emplace_back(std::move(run), std::move(profile));
+      }
     }
   }
   if (found.empty()) {
