@@ -18,10 +18,15 @@ namespace {
 
 constexpr std::size_t kLastWords = 400;  // characters of standard error that a reason quotes
 
-std::string failure(const ProcessResult& process, const JobResult& result, Nanos limit) {
+std::string failure(const Job& job, const ProcessResult& process, const JobResult& result,
+                    Nanos limit) {
   const std::string step = result.step.empty() ? "starting" : result.step;
   if (process.end == ProcessResult::End::kExited && !result.error.empty()) {
-    return one_line(fmt::format("{} (while {})", result.error, step), 2 * kLastWords);
+    std::string text = fmt::format("{} (while {})", result.error, step);
+    // What a program or library of somebody else's had to say.
+    const std::string words = job.own.empty() ? "" : one_line(process.diagnostics, kLastWords);
+    if (!words.empty()) text += ": " + words;
+    return one_line(std::move(text), 3 * kLastWords);
   }
   const std::string text = fmt::format("worker {} while {}", how_it_ended(process, limit), step);
   const std::string words = one_line(process.diagnostics, kLastWords);
@@ -34,11 +39,12 @@ std::string with_cause(std::string text) {
   return cause.empty() ? text : text + "; " + cause;
 }
 
-/// References of batches are computed image by image.
+/// References of batches are computed image by image; others say what theirs may take.
 Nanos limit_of(const Job& job, Nanos limit) {
-  if (job.kind != JobKind::kReference) return limit;
-  const Workload* workload = try_find_workload(job.workload);
-  return workload == nullptr ? limit : limit * workload->batch;
+  const Workload* const workload = try_find_workload(job.workload);
+  if (workload == nullptr) return limit;
+  if (const OwnOperation* const own = own_operation(*workload)) return own->limit;
+  return job.kind == JobKind::kReference ? limit * workload->batch : limit;
 }
 
 /// With the file that its workload comes from.
@@ -74,7 +80,8 @@ std::optional<JobResult> JobRunner::run(
   const ProcessResult process = run_process(request);
   if (process.end == ProcessResult::End::kStopped) return std::nullopt;
   JobResult result = last_record(process.output);
-  result.error = result.done ? "" : with_cause(failure(process, result, request.limit));
+  result.error =
+      result.done ? "" : with_cause(failure(with_file(job), process, result, request.limit));
   return result;
 }
 

@@ -29,4 +29,9 @@ std::optional<std::int64_t> ResidentMemory::added_bytes() const {
   return std::max<std::int64_t>(0, *highest - *before_bytes_);
 }
 
+std::int64_t ResidentMemory::kept_bytes() const {
+  const auto now = status_bytes("VmRSS");
+  return before_bytes_ && now ? *now - *before_bytes_ : 0;
+}
+
 }  // namespace pirt

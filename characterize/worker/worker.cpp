@@ -285,10 +285,22 @@ class Worker {
   /// With what it was given, which was there before.
   void take_memory(const ResidentMemory& resident) {
     if (is_elsewhere() || device_->own_clock() != nullptr) return;
-    const auto given = static_cast<std::int64_t>(size_bytes(std::span(data_).first(1)));
-    if (const auto added = resident.added_bytes()) result_.host_memory_bytes = *added + given;
+    held_bytes_ = static_cast<std::int64_t>(size_bytes(std::span(data_).first(1)));
+    take_host_memory(resident);
+    held_bytes_ += resident.kept_bytes();
     const auto* const counted = dynamic_cast<const DeviceMemory*>(&player_->kernel());
     if (counted != nullptr) result_.device_memory_bytes = counted->device_memory_bytes();
+  }
+
+  /// The highest of the set-up and the calls, with what was there before either, and what another
+  /// process has.
+  void take_host_memory(const ResidentMemory& resident) {
+    const auto added = resident.added_bytes();
+    if (!added) return;
+    const auto* const other = dynamic_cast<const OtherProcess*>(&player_->kernel());
+    const std::int64_t elsewhere = other != nullptr ? other->peak_bytes().value_or(0) : 0;
+    result_.host_memory_bytes =
+        std::max(result_.host_memory_bytes.value_or(0), held_bytes_ + *added + elsewhere);
   }
 
   struct Before {
@@ -430,7 +442,9 @@ class Worker {
     player_->scribble();
     const auto phases = backend_.phases();
     const Before before = counters_before();
+    const ResidentMemory resident;
     result_.phases = sample_calls(player_->kernel(), clocks(), phases, sampling(), sequence());
+    if (result_.host_memory_bytes) take_host_memory(resident);
     sample_cold();
     result_.during_calls = interference_since(before);
     sample_beside(Condition::kBesideMemory, Neighbour::Work::kStreams);
@@ -541,6 +555,7 @@ class Worker {
   std::vector<Data> data_;                     ///< Of each frame of the sequence.
   std::vector<Tensor> initial_;                ///< The state before them, until it is played.
   std::vector<std::vector<Tensor>> expected_;  ///< The same.
+  std::int64_t held_bytes_ = 0;                ///< Of the workload, on the host, between calls.
   own::GuardedMemory guarded_;  ///< Of the outputs of what somebody else computes on the host.
   std::unique_ptr<Device> device_;
   std::optional<Player> player_;  // goes before its device

@@ -13,6 +13,8 @@ extern const char* const kNvmlStandIn;
 extern const char* const kNvmlStandInOld;
 extern const char* const kMeddlingLibrary;  ///< cli/meddling_library.cc
 extern const char* const kExampleModule;    ///< examples/module/mine.cpp
+extern const char* const kFastModule;       ///< examples/module/fast.cpp
+extern const char* const kSpoiltModule;     ///< workloads/own/spoilt_module.cc
 extern const char* const kHostileModule;    ///< workloads/own/hostile_module.cc
 
 }  // namespace pirt::test

@@ -47,6 +47,14 @@ struct OpenclUnit {
   std::vector<void*> inputs = {}, outputs = {}, parameters = {};
 };
 
+/// A kernel that another process computes for.
+class OtherProcess {
+ public:
+  virtual ~OtherProcess() = default;
+  /// What that process has had resident at most; absent where there is none, or it is not known.
+  [[nodiscard]] virtual std::optional<std::int64_t> peak_bytes() const = 0;
+};
+
 struct OwnOperation : Operation {
   std::string source;                 ///< The file that it comes from, absolute.
   std::string digest;                 ///< Of what that held.
@@ -60,6 +68,8 @@ struct OwnOperation : Operation {
   std::optional<OpenclSource> opencl;
   /// In place of `opencl`: what enqueues a call, as long as the unit is as it is.
   std::function<std::function<void()>(const OpenclUnit& unit)> opencl_function;
+
+  Nanos limit{0};  ///< Of a process that measures it: one that takes longer hangs.
 
   /// Whether backend @p name has a kernel, and why not.
   [[nodiscard]] Support support_by(const std::string& name) const {

@@ -12,6 +12,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/math/random.h"
 #include "workloads/base/text/numbers.h"
+#include "workloads/base/text/printable.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt::own {
@@ -47,6 +48,23 @@ bool is_sized(const Definition& definition) {
 
 std::int64_t at(std::int64_t extent, Size size) {
   return extent == kWidth ? size.width : extent == kHeight ? size.height : extent;
+}
+
+/// Of its values.
+Range range_of(Element element) {
+  switch (element) {
+    case Element::kU8:
+      return {0, 255};
+    case Element::kI16:
+      return {-32'768, 32'767};
+    case Element::kI32:
+      return {std::numeric_limits<std::int32_t>::min(), std::numeric_limits<std::int32_t>::max()};
+    case Element::kF32:
+      return {-std::numeric_limits<float>::max(), std::numeric_limits<float>::max()};
+    case Element::kF64:
+      break;
+  }
+  return {-std::numeric_limits<double>::max(), std::numeric_limits<double>::max()};
 }
 
 bool is_integer(Element element) { return element != Element::kF32 && element != Element::kF64; }
@@ -157,14 +175,17 @@ Verdict verify(std::span<const Tensor> outputs, std::span<const Tensor> expected
   return worst;
 }
 
+/// Letters, digits and @p others, 1 to 100.
+bool is_made_of(std::string_view name, std::string_view others) {
+  const auto is_good = [others](unsigned char c) {
+    return c < 0x80 && (std::isalnum(c) != 0 || others.find(static_cast<char>(c)) != others.npos);
+  };
+  return !name.empty() && name.size() <= 100 && std::ranges::all_of(name, is_good);
+}
+
 /// What is wrong with the name; empty = nothing.
 std::string name_problem(const std::string& name) {
-  const auto is_good = [](unsigned char c) {
-    return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.';
-  };
-  if (name.size() > 100 || !std::ranges::all_of(name, is_good)) {
-    return "may have letters, digits, '_', '-' and '.', 100 at most";
-  }
+  if (!is_made_of(name, "_-.")) return "may have letters, digits, '_', '-' and '.', 100 at most";
   const auto dot = name.find('.');
   const bool inside = dot != std::string::npos && dot > 0 && name.back() != '.';
   return inside ? "" : "needs a dot, as in mine.sobel: names without one are pirt's";
@@ -172,10 +193,10 @@ std::string name_problem(const std::string& name) {
 
 void check_tensor(const TensorSpec& spec, Size largest, const std::string& where) {
   const auto fail = [&](const std::string& why) {
-    throw_bad_input(fmt::format("{}: tensor '{}' {}", where, spec.name, why));
+    throw_bad_input(fmt::format("{}: tensor '{}' {}", where, printable(spec.name), why));
   };
-  if (spec.name.empty() || spec.name.find(' ') != std::string::npos) {
-    fail("needs a name without a blank");
+  if (!is_made_of(spec.name, "_-./:")) {
+    fail("needs a name of letters, digits, '_', '-', '.', '/' and ':', 1 to 100");
   }
   if (spec.shape.empty() || spec.shape.size() > kMostDims) {
     fail(fmt::format("has {} dimensions; 1 to {} are possible", spec.shape.size(), kMostDims));
@@ -189,11 +210,22 @@ void check_tensor(const TensorSpec& spec, Size largest, const std::string& where
   if (bytes > static_cast<double>(kMostBytes)) {
     fail(fmt::format("has {:.3g} bytes; {} are the most", bytes, kMostBytes));
   }
+  const Range most = range_of(spec.element);
   for (const Range& range : spec.ranges) {
-    if (!(range.low <= range.high) || !std::isfinite(range.low) || !std::isfinite(range.high)) {
-      fail("has a range that is none");
+    if (!(range.low <= range.high) || !(range.low >= most.low) || !(range.high <= most.high)) {
+      fail(fmt::format("has a range that is none of {}: {} to {}", pirt::to_string(spec.element),
+                       range.low, range.high));
     }
   }
+}
+
+/// Of all tensors of one kind.
+double bytes_of(std::vector<TensorSpec> specs, Size size) {
+  double bytes = 0;
+  for (const TensorSpec& spec : at(std::move(specs), size)) {
+    bytes += static_cast<double>(spec.size_bytes());
+  }
+  return bytes;
 }
 
 Json tensors_json(const std::vector<TensorSpec>& specs) {
@@ -227,6 +259,7 @@ Workload make(const std::shared_ptr<const Definition>& shared, Size size) {
   operation->digest = definition.digest;
   operation->definition = json_text(to_json(definition));
   operation->backends = definition.backends;
+  operation->limit = definition.limit;
   if (definition.slices > 1) {
     operation->slices.assign(static_cast<std::size_t>(definition.slices), 1.0 / definition.slices);
   }
@@ -334,9 +367,49 @@ OpenclSource at(OpenclSource source, Size size) {
   return source;
 }
 
+void check(const OpenclSource& source, const Definition& definition, const std::string& where) {
+  std::vector<std::string> known;
+  for (const auto* specs : {&definition.inputs, &definition.parameters, &definition.outputs}) {
+    for (const TensorSpec& spec : *specs) known.push_back(spec.name);
+  }
+  for (const TensorSpec& spec : definition.state) {
+    known.push_back(spec.name);
+    known.push_back("next " + spec.name);
+  }
+  for (const OpenclArgument& argument : source.arguments) {
+    if (!argument.tensor.empty()) {
+      if (std::ranges::find(known, argument.tensor) != known.end()) continue;
+      throw_bad_input(fmt::format("{}: there is no tensor '{}'{}", where, argument.tensor,
+                                  suggestion(argument.tensor, known)));
+    }
+    const Range most = range_of(argument.element);
+    const bool whole =
+        !is_integer(argument.element) || std::trunc(argument.value) == argument.value;
+    if (!whole || !(argument.value >= most.low && argument.value <= most.high)) {
+      throw_bad_input(
+          fmt::format("{}: {} is no {}", where, argument.value, pirt::to_string(argument.element)));
+    }
+  }
+  for (const std::int64_t extent : source.global) {
+    const bool is_symbol = extent == kWidth || extent == kHeight;
+    if (is_symbol && !definition.size) {
+      throw_bad_input(where + " has a global size of `width` or `height`, and no size of its own");
+    }
+    if (!is_symbol && (extent < 0 || extent > kMostRow)) {
+      throw_bad_input(fmt::format("{}: {} is no global size", where, extent));
+    }
+  }
+  for (const std::int64_t extent : source.local) {
+    if (extent < 0 || extent > kMostExtent) {
+      throw_bad_input(fmt::format("{}: {} is no local size", where, extent));
+    }
+  }
+}
+
 void check(const Definition& definition, const std::string& where) {
   if (const std::string problem = name_problem(definition.name); !problem.empty()) {
-    throw_bad_input(fmt::format("{}: the name '{}' {}", where, definition.name, problem));
+    throw_bad_input(
+        fmt::format("{}: the name '{}' {}", where, printable(definition.name), problem));
   }
   const std::string place = where + ": " + definition.name;
   if (definition.outputs.empty()) throw_bad_input(place + " has no output");
@@ -369,9 +442,19 @@ void check(const Definition& definition, const std::string& where) {
     throw_bad_input(
         fmt::format("{}: {} frames are not within 1 and 10,000", place, definition.frames));
   }
+  const double sequence =
+      definition.frames * bytes_of(definition.inputs, definition.size.value_or(Size{}));
+  if (sequence > static_cast<double>(kMostBytes)) {
+    throw_bad_input(fmt::format("{}: inputs of {} frames have {:.3g} bytes; {} are the most", place,
+                                definition.frames, sequence, kMostBytes));
+  }
   if (definition.slices < 1 || definition.slices > 10'000) {
     throw_bad_input(
         fmt::format("{}: {} slices are not within 1 and 10,000", place, definition.slices));
+  }
+  if (definition.limit < std::chrono::seconds(1) || definition.limit > std::chrono::hours(3)) {
+    throw_bad_input(fmt::format("{}: a limit of {:.3g} s is not within 1 s and 3 h", place,
+                                to_s(definition.limit)));
   }
   if (!(definition.ops_per_element >= 0 && definition.ops_per_element <= 1e15)) {
     throw_bad_input(place + ": operations per element are not within 0 and 1e15");
@@ -447,6 +530,7 @@ Json to_json(const Definition& definition) {
                {"ops_per_element", definition.ops_per_element},
                {"tolerance", definition.tolerance},
                {"verified", definition.verified},
+               {"limit_s", to_s(definition.limit)},
                {"backends", definition.backends}};
   if (definition.size) json["size"] = to_string(*definition.size);
   return json;
@@ -474,6 +558,8 @@ Definition definition_from(const Json& json) {
   made.ops_per_element = json.at("ops_per_element");
   made.tolerance = json.at("tolerance");
   made.verified = json.at("verified");
+  const double limit_s = json.value("limit_s", to_s(kDefaultLimit));
+  made.limit = from_s(limit_s >= 0 && limit_s <= 1e6 ? limit_s : 0);
   made.backends = json.at("backends").get<std::vector<std::string>>();
   check(made, "workload '" + made.name + "'");
   return made;

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "workloads/base/text/json.h"
+#include "workloads/base/time.h"
 #include "workloads/model/own_operation.h"
 #include "workloads/model/workload.h"
 
@@ -58,6 +59,9 @@ struct Size {
 /// The same of its global sizes, and with -DPIRT_WIDTH and -DPIRT_HEIGHT.
 [[nodiscard]] OpenclSource at(OpenclSource source, Size size);
 
+/// Setting up and calling for a minute, on a slow machine.
+inline constexpr Nanos kDefaultLimit = std::chrono::seconds(120);
+
 struct Definition {
   std::string name = {};         ///< "mine.sobel"
   std::string description = {};  ///< One line; may be empty.
@@ -68,13 +72,19 @@ struct Definition {
   std::optional<Size> size = {};  ///< That it has by itself.
   int frames = 1;
   int slices = 1;
-  double ops_per_element = 0;  ///< Of the first output; 0 = not known.
-  double tolerance = 0;        ///< Relative to the peak; 0 = integers are equal, 1e-4 of others.
-  bool verified = false;       ///< It has a reference.
+  double ops_per_element = 0;   ///< Of the first output; 0 = not known.
+  double tolerance = 0;         ///< Relative to the peak; 0 = integers are equal, 1e-4 of others.
+  bool verified = false;        ///< It has a reference.
+  Nanos limit = kDefaultLimit;  ///< Of a process that measures it: then it hangs, and is killed.
   std::vector<std::string> backends = {};  ///< That have a kernel.
   /// For a size (0x0 where it has none); empty in a process that computes nothing.
   std::function<Functions(Size)> functions = {};
 };
+
+/// Before it is made for a size.
+/// @throws Error{kBadInput} for arguments that are no tensors of the definition, or numbers beyond
+/// their type, and sizes that are none.
+void check(const OpenclSource& source, const Definition& definition, const std::string& where);
 
 /// @param where  The definition's place, for messages.
 /// @throws Error{kBadInput} for a name without a dot or of other characters, extents or numbers out

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/text/printable.h"
 #include "workloads/model/slices.h"
 #include "workloads/own/module.h"
 #include "workloads/own/own.h"
@@ -48,7 +49,11 @@ class Message {
 /// Whether a struct of the module is of a version that is known here.
 template <typename T>
 void check_head(const T& given, const char* type, const std::string& where) {
-  if (given.version == PIRT_MODULE_VERSION && given.size >= sizeof(T)) return;
+  constexpr std::uint32_t kLongestStruct = 4096;  // Of any version: whoever has more has no head.
+  if (given.version == PIRT_MODULE_VERSION && given.size >= sizeof(T) &&
+      given.size <= kLongestStruct && given.size % alignof(T) == 0) {
+    return;
+  }
   throw_bad_input(
       fmt::format("{}: a {} has version {} and {} bytes; this pirt knows version {} of "
                   "{} bytes; build it with this pirt's <pirt/module.h>",
@@ -78,7 +83,7 @@ TensorSpec spec_of(const pirt_tensor_spec& given, const std::string& where) {
                   .varies = given.varies != 0};
   if (given.element < 0 || given.element > PIRT_F64) {
     throw_bad_input(fmt::format("{}: tensor '{}' has elements of a type {} that there is not",
-                                where, spec.name, given.element));
+                                where, printable(spec.name), given.element));
   }
   if (given.dims < 1 || given.dims > PIRT_MOST_DIMS) {
     throw_bad_input(fmt::format("{}: tensor '{}' has {} dimensions; 1 to {} are possible", where,
@@ -255,7 +260,8 @@ class ModuleEnqueue {
   bool made_ = false;
 };
 
-OpenclSource source_of(const pirt_opencl_kernel& given, Size size, const std::string& where) {
+/// Without a size.
+OpenclSource source_of(const pirt_opencl_kernel& given, const std::string& where) {
   if (given.kernel == nullptr) throw_bad_input(where + ": its OpenCL kernel has no name");
   OpenclSource source{.file = where,
                       .text = given.source,
@@ -263,12 +269,6 @@ OpenclSource source_of(const pirt_opencl_kernel& given, Size size, const std::st
                       .options = given.options == nullptr ? "" : std::string(" ") + given.options};
   std::ranges::copy(given.global, source.global.begin());
   std::ranges::copy(given.local, source.local.begin());
-  source = at(std::move(source), size);
-  for (std::size_t i = 0; i < 3; ++i) {
-    if (source.global[i] < 0 || source.local[i] < 0) {
-      throw_bad_input(where + ": a global or local size is below 0");
-    }
-  }
   check_count(given.argument_count, given.arguments, where);
   for (std::uint32_t i = 0; i < given.argument_count; ++i) {
     const pirt_opencl_argument& argument = element(given.arguments, i);
@@ -325,7 +325,7 @@ Functions functions_of(const pirt_workload& given, const std::string& where, Siz
     };
   }
   if (given.opencl != nullptr && given.opencl->source != nullptr) {
-    made.opencl = source_of(*given.opencl, size, where);
+    made.opencl = at(source_of(*given.opencl, where), size);
   } else if (given.opencl != nullptr) {
     made.opencl_function = [&given, name, size](const OpenclUnit& unit) {
       auto enqueue = std::make_shared<ModuleEnqueue>(name, *given.opencl, size, unit);
@@ -351,11 +351,11 @@ void check_kernels(const pirt_workload& given, const std::string& where) {
 Definition definition_of(const pirt_workload& given, const std::string& file) {
   check_head(given, "pirt_workload", file);
   if (given.name == nullptr) throw_bad_input(file + ": a workload has no name");
-  const std::string where = file + ": " + given.name;
+  const std::string where = file + ": " + printable(given.name);
   check_kernels(given, where);
   Definition made;
   made.name = given.name;
-  if (given.description != nullptr) made.description = given.description;
+  if (given.description != nullptr) made.description = printable(given.description);
   made.inputs = specs_of(given.inputs, given.input_count, where);
   made.outputs = specs_of(given.outputs, given.output_count, where);
   made.parameters = specs_of(given.parameters, given.parameter_count, where);
@@ -366,13 +366,16 @@ Definition definition_of(const pirt_workload& given, const std::string& file) {
       throw_bad_input(fmt::format("{}: {}x{} is no size", where, given.width, given.height));
     }
   }
-  made.frames = std::max(given.frames, 1);
-  made.slices = std::max(given.slices, 1);
+  made.frames = given.frames == 0 ? 1 : given.frames;
+  made.slices = given.slices == 0 ? 1 : given.slices;
   made.ops_per_element = given.operations_per_element;
   made.tolerance = given.tolerance;
   made.verified = given.reference != nullptr;
   if (given.cpu != nullptr) made.backends.emplace_back("cpu");
   if (given.opencl != nullptr) made.backends.emplace_back("opencl");
+  if (given.opencl != nullptr && given.opencl->source != nullptr) {
+    check(source_of(*given.opencl, where), made, where);
+  }
   made.functions = [&given, where](Size size) { return functions_of(given, where, size); };
   return made;
 }

@@ -30,10 +30,21 @@ std::string digest(const fs::path& file, const std::string& bytes) {
 
 }  // namespace
 
-std::string digest_of(const fs::path& file) { return digest(file, read_file(file, kAnySize)); }
+void check_is_file(const fs::path& path) {
+  std::error_code unknown;
+  if (fs::exists(path, unknown) && !fs::is_regular_file(path, unknown)) {
+    throw_bad_input("'" + path.string() + "' is a folder, a pipe or a device, and no file");
+  }
+}
+
+std::string digest_of(const fs::path& file) {
+  check_is_file(file);
+  return digest(file, read_file(file, kAnySize));
+}
 
 std::vector<Definition> load(const fs::path& file) {
   const fs::path path = fs::absolute(file).lexically_normal();
+  check_is_file(path);
   const std::string bytes = read_file(path, kAnySize);
   auto all = is_library(bytes) ? load_module(path) : read_workload_file(path, read_text(path));
   const std::string held = digest(path, bytes);

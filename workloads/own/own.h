@@ -22,6 +22,10 @@ namespace pirt::own {
 /// @throws Error{kBadInput} if one of them cannot be read.
 [[nodiscard]] std::string digest_of(const std::filesystem::path& file);
 
+/// What is read several times has to be one, or missing, which whoever opens it says.
+/// @throws Error{kBadInput}
+void check_is_file(const std::filesystem::path& path);
+
 // Of the two kinds, each in its file.
 [[nodiscard]] std::vector<Definition> load_module(const std::filesystem::path& file);
 [[nodiscard]] std::vector<Definition> read_workload_file(const std::filesystem::path& file,

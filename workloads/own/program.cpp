@@ -14,6 +14,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstring>
+#include <ctime>
 #include <fstream>
 #include <numeric>
 #include <optional>
@@ -23,7 +24,9 @@
 #include "workloads/base/system/child.h"
 #include "workloads/base/system/file_descriptor.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/printable.h"
 #include "workloads/base/text/text.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/model/slices.h"
 
 namespace pirt::own {
@@ -41,8 +44,10 @@ constexpr int kNullCalls = 32;
 class SharedMemory {
  public:
   explicit SharedMemory(std::size_t bytes) : bytes_(bytes) {
-    descriptor_ = FileDescriptor(::memfd_create("pirt", MFD_CLOEXEC));
-    if (descriptor_.get() < 0 || ::ftruncate(descriptor_.get(), static_cast<off_t>(bytes_)) != 0) {
+    descriptor_ = FileDescriptor(::memfd_create("pirt", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+    // Of another size it would be a crash here.
+    if (descriptor_.get() < 0 || ::ftruncate(descriptor_.get(), static_cast<off_t>(bytes_)) != 0 ||
+        ::fcntl(descriptor_.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0) {
       throw_errno("make shared memory");
     }
     void* const place =
@@ -87,6 +92,26 @@ Layout layout_of(const Program& program) {
   return layout;
 }
 
+/// A program that is gone is no signal to this one.
+class WithoutPipeSignal {
+ public:
+  WithoutPipeSignal() {
+    sigemptyset(&pipe_);
+    sigaddset(&pipe_, SIGPIPE);
+    ::pthread_sigmask(SIG_BLOCK, &pipe_, &before_);
+  }
+  ~WithoutPipeSignal() {
+    const timespec now{0, 0};
+    ::sigtimedwait(&pipe_, nullptr, &now);
+    ::pthread_sigmask(SIG_SETMASK, &before_, nullptr);
+  }
+  WithoutPipeSignal(const WithoutPipeSignal&) = delete;
+  WithoutPipeSignal& operator=(const WithoutPipeSignal&) = delete;
+
+ private:
+  sigset_t pipe_{}, before_{};
+};
+
 /// The running program.
 class Process {
  public:
@@ -95,6 +120,7 @@ class Process {
     if (::pipe2(in.data(), O_CLOEXEC) != 0) throw_errno("make a pipe");
     FileDescriptor read_end(in[0]);
     to_ = FileDescriptor(in[1]);
+    ::fcntl(to_.get(), F_SETFL, O_NONBLOCK);  // One that does not read holds up nobody.
     if (::pipe2(out.data(), O_CLOEXEC) != 0) throw_errno("make a pipe");
     from_ = FileDescriptor(out[0]);
     FileDescriptor write_end(out[1]);
@@ -135,11 +161,16 @@ class Process {
   /// Its answer to a line.
   /// @throws Error{kEnvironment} if there is none in time; it is over then.
   [[nodiscard]] Json ask(const Json& line, Nanos limit) {
-    put(json_text(line) + "\n");
-    return get(limit);
+    if (!buffer_.empty()) {
+      fail("said something that it was not asked for: " + shown(buffer_));
+    }
+    const Nanos until = clock_.now() + limit;
+    put(json_text(line) + "\n", until, limit);
+    return get(until, limit);
   }
 
-  /// Bytes of its own that it has had at most, and its processor time so far.
+  /// Bytes of its own that it has had at most, and the processor time of its threads so far; not of
+  /// what it started.
   [[nodiscard]] std::optional<std::int64_t> peak_bytes() const {
     std::ifstream status(fmt::format("/proc/{}/status", pid_));
     for (std::string line; std::getline(status, line);) {
@@ -149,9 +180,10 @@ class Process {
     return std::nullopt;
   }
   [[nodiscard]] Nanos processor_time() const {
-    std::int64_t all = 0;
-    std::ifstream(fmt::format("/proc/{}/schedstat", pid_)) >> all;
-    return Nanos(all);
+    clockid_t clock{};
+    timespec all{};
+    if (::clock_getcpuclockid(pid_, &clock) != 0 || ::clock_gettime(clock, &all) != 0) return {};
+    return std::chrono::seconds(all.tv_sec) + Nanos(all.tv_nsec);
   }
 
  private:
@@ -159,13 +191,19 @@ class Process {
     return program_.workload + ": " + join(program_.command, " ");
   }
 
-  bool has_ended() {
-    if (pid_ > 0 && ::waitpid(pid_, &status_, WNOHANG) == pid_) pid_ = 0;
-    return pid_ <= 0;
+  static std::string shown(const std::string& text) { return printable(text.substr(0, 80)); }
+
+  /// It is reaped last, so that its group's number cannot be somebody else's by now.
+  [[nodiscard]] bool has_ended() const {
+    siginfo_t info{};
+    return pid_ <= 0 ||
+           (::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) == 0 &&
+            info.si_pid == pid_);
   }
 
+  /// With what it has started.
   void end() {
-    if (has_ended()) return;
+    if (pid_ <= 0) return;
     ::kill(-pid_, SIGKILL);
     ::kill(pid_, SIGKILL);
     while (::waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
@@ -181,51 +219,60 @@ class Process {
     // Its end of the pipe may close a moment before it is gone.
     for (int i = 0; i < 500 && !has_ended(); ++i) ::poll(nullptr, 0, 10);
     if (!has_ended()) fail("closed its standard output");
+    end();
     if (WIFSIGNALED(status_)) fail(fmt::format("crashed (signal {})", WTERMSIG(status_)));
-    if (WEXITSTATUS(status_) == 127) fail("cannot be started");
+    if (WEXITSTATUS(status_) == 127) {
+      fail(fmt::format("cannot be started; '{}' is looked for in PATH, and with a '/' in {}",
+                       program_.command.front(), program_.folder.string()));
+    }
     fail(fmt::format("ended with code {}", WEXITSTATUS(status_)));
   }
 
-  void put(std::string_view text) {
-    // A program that is gone is no signal to this one.
-    sigset_t pipe, before;
-    sigemptyset(&pipe);
-    sigaddset(&pipe, SIGPIPE);
-    ::pthread_sigmask(SIG_BLOCK, &pipe, &before);
-    bool good = true;
-    while (good && !text.empty()) {
+  void put(std::string_view text, Nanos until, Nanos limit) {
+    const WithoutPipeSignal quiet;
+    while (!text.empty()) {
       const ssize_t put = ::write(to_.get(), text.data(), text.size());
-      if (put < 0 && errno == EINTR) continue;
-      good = put > 0;
-      if (good) text.remove_prefix(static_cast<std::size_t>(put));
+      if (put > 0) {
+        text.remove_prefix(static_cast<std::size_t>(put));
+      } else if (errno == EAGAIN) {
+        if (wait(to_, POLLOUT, until)) continue;
+        fail(fmt::format("did not read what it was asked in {:.3g} s", to_s(limit)));
+      } else if (errno != EINTR) {
+        fail_ended();
+      }
     }
-    if (!good) {
-      const timespec now{0, 0};
-      ::sigtimedwait(&pipe, nullptr, &now);
-    }
-    ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
-    if (!good) fail_ended();
   }
 
-  Json get(Nanos limit) {
-    const MachineClock clock;
-    const Nanos until = clock.now() + limit;
+  /// Until it can be read or written; false if it is too late.
+  /// @throws Error{kEnvironment} if the call is stopped, or the program has ended.
+  bool wait(const FileDescriptor& of, short what, Nanos until) {
+    for (;;) {
+      if (stop_of_call().stop_requested()) fail("was stopped");
+      const Nanos left = until - clock_.now();
+      if (left <= Nanos(0)) return false;
+      constexpr Nanos kLook = std::chrono::milliseconds(50);
+      const auto span = std::chrono::ceil<std::chrono::milliseconds>(std::min(left, kLook));
+      pollfd ready{of.get(), what, 0};
+      if (::poll(&ready, 1, static_cast<int>(span.count())) > 0) return true;
+      if (has_ended()) fail_ended();  // What it started may hold the pipe open.
+    }
+  }
+
+  Json get(Nanos until, Nanos limit) {
     for (;;) {
       if (const auto end = buffer_.find('\n'); end != std::string::npos) {
         const std::string line = buffer_.substr(0, end);
         buffer_.erase(0, end + 1);
         const auto json = try_parse_json(line);
         if (json && json->is_object()) return *json;
-        fail(fmt::format("answered with what is no JSON object: {}", line.substr(0, 80)));
+        fail("answered with what is no JSON object: " + shown(line) +
+             "; its standard output is for answers, standard error for the rest");
       }
       if (buffer_.size() > kLongestLine) fail("answers with a line of more than 1 MiB");
-      if (stop_of_call().stop_requested()) fail("was stopped");
-      const Nanos left = until - clock.now();
-      if (left <= Nanos(0)) fail(fmt::format("did not answer in {:.3g} s", to_s(limit)));
-      constexpr Nanos kLook = std::chrono::milliseconds(50);
-      const auto wait = std::chrono::ceil<std::chrono::milliseconds>(std::min(left, kLook));
-      pollfd ready{from_.get(), POLLIN, 0};
-      if (::poll(&ready, 1, static_cast<int>(wait.count())) <= 0) continue;
+      if (!wait(from_, POLLIN, until)) {
+        fail(fmt::format("did not answer in {:.3g} s{}", to_s(limit),
+                         buffer_.empty() ? "" : ", but for half a line: " + shown(buffer_)));
+      }
       std::array<char, 4096> bytes{};
       const ssize_t got = ::read(from_.get(), bytes.data(), bytes.size());
       if (got == 0) fail_ended();
@@ -238,6 +285,7 @@ class Process {
   pid_t pid_ = 0;
   int status_ = 0;
   std::string buffer_;
+  MachineClock clock_;
 };
 
 Json tensor_json(const TensorSpec& spec, const char* role, std::size_t offset) {
@@ -250,7 +298,7 @@ Json tensor_json(const TensorSpec& spec, const char* role, std::size_t offset) {
   return json;
 }
 
-class ProgramKernel final : public Kernel {
+class ProgramKernel final : public Kernel, public OtherProcess {
  public:
   ProgramKernel(Program program, std::span<const Tensor> parameters, int threads)
       : program_(std::move(program)),
@@ -273,6 +321,10 @@ class ProgramKernel final : public Kernel {
     return std::nullopt;
   }
 
+  [[nodiscard]] std::optional<std::int64_t> peak_bytes() const override {
+    return process_ ? process_->peak_bytes() : std::nullopt;
+  }
+
   [[nodiscard]] std::vector<std::string> remarks() const override {
     if (!process_) return {};
     std::string text = fmt::format("program: a null call {:.3g} us", 1e6 * to_s(null_call_));
@@ -280,7 +332,7 @@ class ProgramKernel final : public Kernel {
       const Nanos used = process_->processor_time() - before_calls_;
       text += fmt::format(", {:.3g} ms of processor time a call", to_ms(used / calls_));
     }
-    if (const auto peak = process_->peak_bytes()) {
+    if (const auto peak = peak_bytes()) {
       text += fmt::format(", {:.1f} MiB at most", static_cast<double>(*peak) / (1 << 20));
     }
     return {text};
@@ -289,6 +341,15 @@ class ProgramKernel final : public Kernel {
  private:
   void start() {
     process_.emplace(program_, memory_);
+    try {
+      greet();
+    } catch (...) {
+      process_.reset();  // It is not ready.
+      throw;
+    }
+  }
+
+  void greet() {
     Json tensors = Json::array();
     const auto add = [&tensors](const std::vector<TensorSpec>& specs, const char* role,
                                 const std::vector<std::size_t>& offsets) {

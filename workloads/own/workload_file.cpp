@@ -36,7 +36,9 @@ auto at_place(const YamlNode& node, const Read& read) {
 
 /// Relative to the file's folder.
 fs::path place(const fs::path& file, const std::string& named) {
-  return (file.parent_path() / named).lexically_normal();
+  fs::path path = (file.parent_path() / named).lexically_normal();
+  check_is_file(path);
+  return path;
 }
 
 /// "{image: u8[480,640], ...}"
@@ -59,6 +61,8 @@ std::vector<TensorSpec> tensors_at(const YamlNode& node, std::string_view key) {
   return node.has(key) ? read_tensors(node.at(key)) : std::vector<TensorSpec>();
 }
 
+Nanos read_limit(const YamlNode& node) { return from_s(node.number(1, kLongestLimitMs / 1e3)); }
+
 /// A global size: a number, or width or height of the workload.
 std::int64_t read_extent(const YamlNode& node) {
   if (node.text() == "width") return kWidth;
@@ -74,7 +78,7 @@ std::array<std::int64_t, 3> read_extents(const YamlNode& node) {
   return extents;
 }
 
-OpenclArgument read_argument(const YamlNode& node, const Definition& definition) {
+OpenclArgument read_argument(const YamlNode& node) {
   if (node.is_map()) {
     const auto keys = node.keys();
     const auto element = element_from(keys.empty() ? "" : keys.front());
@@ -84,19 +88,7 @@ OpenclArgument read_argument(const YamlNode& node, const Definition& definition)
     return {
         .tensor = {}, .element = *element, .value = node.at(keys.front()).number(-1e300, 1e300)};
   }
-  std::vector<std::string> known;
-  for (const auto* specs : {&definition.inputs, &definition.parameters, &definition.outputs}) {
-    for (const TensorSpec& spec : *specs) known.push_back(spec.name);
-  }
-  for (const TensorSpec& spec : definition.state) {
-    known.push_back(spec.name);
-    known.push_back("next " + spec.name);
-  }
-  const std::string name = node.text();
-  if (std::ranges::find(known, name) == known.end()) {
-    node.fail("there is no tensor '" + name + "'" + suggestion(name, known));
-  }
-  return {.tensor = name, .element = Element::kI32, .value = 0};
+  return {.tensor = node.text(), .element = Element::kI32, .value = 0};
 }
 
 /// The source with the files beside it that it includes in the place of their lines: drivers differ
@@ -122,8 +114,9 @@ std::string with_includes(const fs::path& file, std::vector<fs::path>& files) {
 
 void read_opencl(const fs::path& file, const YamlNode& node, Definition& definition) {
   node.check_keys({"source", "kernel", "global", "local", "args", "options"});
-  const fs::path path = place(file, node.at("source").text());
-  const auto text = at_place(node.at("source"), [&] {
+  const YamlNode named = node.at("source");
+  const fs::path path = at_place(named, [&] { return place(file, named.text()); });
+  const auto text = at_place(named, [&] {
     std::vector<fs::path> files;
     return with_includes(path, files);
   });
@@ -131,13 +124,11 @@ void read_opencl(const fs::path& file, const YamlNode& node, Definition& definit
   source.kernel = node.at("kernel").text();
   source.global = read_extents(node.at("global"));
   if (node.has("local")) source.local = read_extents(node.at("local"));
-  for (const std::int64_t extent : source.local) {
-    if (extent < 0) node.at("local").fail("is of numbers alone");
-  }
   if (node.has("options")) source.options = " " + node.at("options").text();
   for (const YamlNode& argument : node.at("args").items()) {
-    source.arguments.push_back(read_argument(argument, definition));
+    source.arguments.push_back(read_argument(argument));
   }
+  check(source, definition, node.location());
   definition.backends.emplace_back("opencl");
   definition.functions = [source](Size size) { return Functions{.opencl = at(source, size)}; };
 }
@@ -159,6 +150,8 @@ void read_program(const fs::path& file, const YamlNode& node, Definition& defini
   };
   program.start_limit = limit("start_limit_ms", kStartLimit);
   program.call_limit = limit("call_limit_ms", kCallLimit);
+  // Whoever is late is killed by these, and says more of it.
+  definition.limit += program.start_limit + program.call_limit;
   program.inputs = definition.inputs;
   program.parameters = definition.parameters;
   program.outputs = definition.outputs;
@@ -216,9 +209,12 @@ std::vector<TensorSpec> outputs_of(recognition::Network& network, const TensorSp
 
 void read_network(const fs::path& file, const YamlNode& node, Definition& definition) {
   const YamlNode network = node.at("network");
-  const fs::path model = place(file, network.text());
+  const auto beside = [&file](const YamlNode& named) {
+    return at_place(named, [&] { return place(file, named.text()); });
+  };
+  const fs::path model = beside(network);
   std::optional<fs::path> config;
-  if (node.has("config")) config = place(file, node.at("config").text());
+  if (node.has("config")) config = beside(node.at("config"));
   const bool one_input = definition.inputs.size() == 1 && definition.parameters.empty() &&
                          definition.state.empty() &&
                          definition.inputs.front().element == Element::kF32 &&
@@ -253,7 +249,7 @@ void read_network(const fs::path& file, const YamlNode& node, Definition& defini
 Definition read_workload(const fs::path& file, const YamlNode& node) {
   node.check_keys({"name", "description", "inputs", "outputs", "parameters", "state", "size",
                    "frames", "ops_per_element", "tolerance", "opencl", "network", "config",
-                   "command", "start_limit_ms", "call_limit_ms"});
+                   "command", "start_limit_ms", "call_limit_ms", "limit_s"});
   Definition definition;
   definition.name = node.at("name").text();
   if (node.has("description")) definition.description = node.at("description").paragraph();
@@ -272,6 +268,15 @@ Definition read_workload(const fs::path& file, const YamlNode& node) {
     definition.ops_per_element = node.at("ops_per_element").number(0, 1e15);
   }
   if (node.has("tolerance")) definition.tolerance = node.at("tolerance").number(0, 1);
+  const auto belongs = [&node](const char* key, const char* kind) {
+    if (node.has(key) && !node.has(kind)) {
+      node.at(key).fail(fmt::format("is of workloads with `{}`, and this one has none", kind));
+    }
+  };
+  belongs("config", "network");
+  belongs("start_limit_ms", "command");
+  belongs("call_limit_ms", "command");
+  if (node.has("limit_s")) definition.limit = read_limit(node.at("limit_s"));
   const int kinds = int{node.has("opencl")} + int{node.has("network")} + int{node.has("command")};
   if (kinds != 1) node.fail("needs one of: opencl, network, command");
   if (node.has("opencl")) read_opencl(file, node.at("opencl"), definition);
@@ -296,9 +301,12 @@ std::vector<Definition> read_workload_file(const fs::path& file, const std::stri
       all.push_back(read_workload(file, node));
       continue;
     }
-    node.check_keys({"module"});
+    node.check_keys({"module", "limit_s"});
     auto modules = at_place(node.at("module"),
                             [&] { return load_module(place(file, node.at("module").text())); });
+    if (node.has("limit_s")) {
+      for (Definition& each : modules) each.limit = read_limit(node.at("limit_s"));
+    }
     std::ranges::move(modules, std::back_inserter(all));
   }
   return all;
@@ -315,8 +323,9 @@ std::vector<fs::path> named_files(const fs::path& file, const std::string& text)
     }
     if (!node.has("command")) continue;
     for (const YamlNode& word : node.at("command").items()) {
-      const fs::path path = place(file, word.text());
-      if (fs::is_regular_file(path)) files.push_back(path);
+      const fs::path path = (file.parent_path() / word.text()).lexically_normal();
+      std::error_code unknown;
+      if (fs::is_regular_file(path, unknown)) files.push_back(path);
     }
   }
   return files;

@@ -1,13 +1,18 @@
 // Modules and workload files as they are loaded, and programs as they compute.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <numeric>
 
 #include "tests/support/errors.h"
 #include "tests/support/paths.h"
+#include "workloads/base/text/printable.h"
+#include "workloads/base/text/text.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/model/player.h"
 #include "workloads/own/own.h"
@@ -19,6 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::AllOf;
+using testing::AnyOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
@@ -100,6 +106,50 @@ TEST_F(OwnModule, IsRefusedByName) {
   EXPECT_THROW(static_cast<void>(load(write("half.so", bytes))), Error);
 }
 
+TEST_F(OwnModule, IsRefusedWhateverItsTableSays) {
+  const auto says = [](const std::string& what) {
+    ::setenv("PIRT_TEST_SPOIL", what.c_str(), 1);
+    std::string why = "nothing";
+    try {
+      const auto all = load(test::kSpoiltModule);
+      if (what == "LIST") return all.front().description;
+      for (const Definition& each : all) static_cast<void>(to_workload(each));
+    } catch (const Error& error) {
+      why = error.code() == ErrorCode::kBadInput ? error.what() : "of the environment";
+    }
+    ::unsetenv("PIRT_TEST_SPOIL");
+    return why;
+  };
+  EXPECT_NO_THROW(static_cast<void>(to_workload(load(test::kSpoiltModule).front())));
+  // Where the message is to say more than whose table it is.
+  const std::map<std::string, std::string> part = {{"argument unknown", "did you mean out"},
+                                                   {"argument broken", "0.5 is no u8"},
+                                                   {"frames many", "2147483647 frames"},
+                                                   {"name blank", "letters, digits"},
+                                                   {"range beyond", "0 to 256"},
+                                                   {"sequence large", "10000 frames"},
+                                                   {"size overflows", "bytes"},
+                                                   {"workload huge", "4294967288 bytes"}};
+  std::string list = says("LIST");
+  ASSERT_NE(list, "nothing");
+  std::size_t known = 0;
+  for (std::size_t at = 0; (at = list.find("\\n", at)) != std::string::npos;) {
+    list.replace(at, 2, "\n");
+  }
+  for (const std::string& what : split(list, '\n')) {
+    if (what.empty()) continue;
+    SCOPED_TRACE(what);
+    const std::string why = says(what);
+    EXPECT_THAT(why, HasSubstr("spoilt_module"));
+    EXPECT_EQ(find_unprintable(why).has_value(), false);
+    if (const auto more = part.find(what); more != part.end()) {
+      ++known;
+      EXPECT_THAT(why, HasSubstr(more->second));
+    }
+  }
+  EXPECT_EQ(known, part.size());
+}
+
 TEST_F(WorkloadFile, NamesThePlaceOfWhatIsWrong) {
   const auto refused = [this](const std::string& text, const std::string& why) {
     const auto file = write("w.yaml", text);
@@ -126,9 +176,59 @@ TEST_F(WorkloadFile, NamesThePlaceOfWhatIsWrong) {
   refused("workloads:\n  - {name: my.k, network: none.onnx, inputs: {a: \"f32[1,3,8,8]\"}}",
           "none.onnx");
   refused("workloads:\n  - {module: k.cl}", "k.cl");
+  refused("workloads:\n  - {module: k.cl, modul: k.cl}", "did you mean module");
+  const std::string args = "    opencl: {source: k.cl, kernel: k, global: [4], args: ";
+  refused(head + args + "[{u8: 256}]}\n", "256 is no u8");
+  refused(head + args + "[{i32: 0.5}]}\n", "0.5 is no i32");
+  refused(head + args + "a}\n", "must be a list");
+  refused(head + args + "[[a]]}\n", "args[0]");
+  refused(head + "    opencl: {source: k.cl, kernel: k, global: [width], args: [a]}\n",
+          "no size of its own");
+  refused(head + "    opencl: {source: k.cl, kernel: k, global: [4], local: [width], args: [a]}\n",
+          "no local size");
+  refused(head + "    opencl: {source: ., kernel: k, global: [4], args: [a]}\n", "no file");
+  refused(head + "    opencl: 5\n", "must be a map");
+  refused(head + "    opencl: {source: k.cl}\n", "missing key 'kernel'");
+  refused(head + "    command: python3 p.py\n", "must be a list");
+  refused(head + "    command: [a]\n    config: net.cfg\n", "is of workloads with `network`");
+  refused(head + "    network: n.onnx\n    call_limit_ms: 5\n", "is of workloads with `command`");
+  refused(head + "    command: [a]\n    call_limit_ms: 0\n", "call_limit_ms");
+  refused(head + "    command: [a]\n    limit_s: 0.5\n", "limit_s");
+  refused(head + "    command: [a]\n    frames: many\n", "frames");
+  refused(head + "    command: [a]\n    tolerance: .nan\n", "tolerance");
+  refused(head + "    command: [a]\n    inputs: {b: {tensor: \"u8[4]\", range: [0, 300]}}\n",
+          "0 to 300");
+  refused(head + "    command: [a]\n    inputs: {b: {tensor: \"u8[4]\", range: [0]}}\n",
+          "two numbers");
+  refused(head + "    command: [a]\n    inputs: {b: {tensr: \"u8[4]\"}}\n", "tensor");
+  refused(head + "    command: [a]\n    inputs: [b]\n", "must be a map");
+  refused(head + "    command: [a]\n    name: my.l\n", "given twice");
   refused(
       head + "    command: [a]\n  - name: my.k\n    outputs: {a: \"u8[4]\"}\n    command: [a]\n",
       "two workloads");
+}
+
+TEST_F(WorkloadFile, IsAFile) {
+  for (const fs::path& none : {folder_, fs::path("/dev/zero")}) {
+    EXPECT_THAT(test::bad_input([&] { static_cast<void>(load(none)); }), HasSubstr("no file"));
+    EXPECT_THAT(test::bad_input([&] { static_cast<void>(digest_of(none)); }), HasSubstr("no file"));
+  }
+}
+
+TEST_F(WorkloadFile, SaysWhatMeasuringMayTake) {
+  const auto limit = [this](const std::string& more) {
+    return load(write("w.yaml", "workloads:\n  - name: my.k\n    outputs: {a: \"u8[4]\"}\n" + more))
+        .front()
+        .limit;
+  };
+  EXPECT_EQ(limit("    command: [a]\n"), std::chrono::seconds(120 + 60 + 10));
+  EXPECT_EQ(limit("    command: [a]\n    limit_s: 300\n    start_limit_ms: 500\n"),
+            std::chrono::milliseconds(300'000 + 500 + 10'000));
+  const auto module = load(write("m.yaml", std::string("workloads:\n  - {module: ") +
+                                               test::kExampleModule + ", limit_s: 7}\n"));
+  EXPECT_EQ(module.front().limit, std::chrono::seconds(7));
+  EXPECT_EQ(own_operation(to_workload(definition_from(to_json(module.front()))))->limit,
+            std::chrono::seconds(7));
 }
 
 TEST_F(WorkloadFile, TakesWhatASourceIncludes) {
@@ -249,7 +349,10 @@ TEST_F(OwnProgramRun, ThatFailsIsStartedAnew) {
            {"answer({'error': 'no points'}); continue", "no points"},
            {"answer({'done': asked['call']}); continue", "did not say in `rows`"},
            {"answer({'done': asked['call'], 'rows': {'out': 9}}); continue", "`rows`"},
-           {"os.close(1); import time; time.sleep(60)", "closed its standard output"}}) {
+           {"os.close(1); import time; time.sleep(60)", "closed its standard output"},
+           {"print('{\"do', end='', flush=True); import time; time.sleep(60)",
+            "half a line: {\"do"},
+           {"os.ftruncate(os.open(hello['memory'], os.O_RDWR), 0)", "ended with code 1"}}) {
     SCOPED_TRACE(what);
     fs::remove(folder_ / "done");
     const Program bad = program("", once + what);
@@ -258,6 +361,60 @@ TEST_F(OwnProgramRun, ThatFailsIsStartedAnew) {
     EXPECT_THAT(failure(*kernel), AllOf(HasSubstr("my.p"), HasSubstr(why)));
     EXPECT_THAT(call(*kernel), ElementsAre(2, 3, 4));
   }
+}
+
+TEST_F(OwnProgramRun, ThatAnswersUnaskedIsFoundOut) {
+  const Program talks = program("", "answer({'done': asked['call'], 'rows': {'out': rows}})");
+  bind(talks);
+  const auto kernel = make_program_kernel(talks, {}, 1);
+  static_cast<void>(call(*kernel));
+  // The second answer may come a moment later.
+  std::string why;
+  for (int i = 0; i < 20 && why.empty(); ++i) why = failure(*kernel);
+  EXPECT_THAT(why, AnyOf(HasSubstr("not asked for"), HasSubstr("did not answer with")));
+}
+
+TEST_F(OwnProgramRun, TakesWhatItStartedWithIt) {
+  const Program leaves = program("",
+                                 "import subprocess\n"
+                                 "    child = subprocess.Popen(['sleep', '1000'])\n"
+                                 "    open('child', 'w').write(str(child.pid))\n"
+                                 "    sys.exit(3)");
+  bind(leaves);
+  {
+    const auto kernel = make_program_kernel(leaves, {}, 1);
+    EXPECT_THAT(failure(*kernel), HasSubstr("ended with code 3"));
+  }
+  pid_t child = 0;
+  std::ifstream(folder_ / "child") >> child;
+  ASSERT_GT(child, 0);
+  // It was killed; that may take a moment, and whoever adopted it may not reap it.
+  const auto is_there = [child] {
+    char state = 'Z';
+    std::string number, name;
+    std::ifstream stat("/proc/" + std::to_string(child) + "/stat");
+    return bool(stat >> number >> name >> state) && state != 'Z';
+  };
+  for (int i = 0; i < 200 && is_there(); ++i) ::usleep(50'000);
+  EXPECT_FALSE(is_there());
+}
+
+TEST_F(OwnProgramRun, CountsTheProcessorTimeOfItsThreads) {
+  const Program busy = program("",
+                               "import threading, hashlib\n"
+                               "    work = lambda: hashlib.sha256(bytes(50_000_000)).digest()\n"
+                               "    thread = threading.Thread(target=work)\n"
+                               "    thread.start()\n"
+                               "    thread.join()");
+  Program patient = busy;
+  patient.call_limit = std::chrono::seconds(60);
+  bind(patient);
+  const auto kernel = make_program_kernel(patient, {}, 1);
+  static_cast<void>(call(*kernel));
+  const std::string text = kernel->remarks().front();
+  const auto at = text.find("us, ");
+  ASSERT_NE(at, std::string::npos);
+  EXPECT_GT(std::stod(text.substr(at + 4)), 5) << text;  // 50 MB take tens of milliseconds.
 }
 
 TEST_F(OwnProgramRun, ThatDoesNotGetReadySaysWhy) {

@@ -94,7 +94,7 @@ auto translated(std::string_view doing, std::string_view what, const Call& call)
 }
 
 /// Gives each call the size of its OpenMP team and translates errors.
-class GuardedKernel : public Kernel {
+class GuardedKernel : public Kernel, public OtherProcess {
  public:
   GuardedKernel(std::string name, std::unique_ptr<Kernel> kernel, int threads)
       : name_(std::move(name)), kernel_(std::move(kernel)), threads_(threads) {}
@@ -108,6 +108,11 @@ class GuardedKernel : public Kernel {
   }
 
   std::vector<std::string> remarks() const override { return kernel_->remarks(); }
+
+  std::optional<std::int64_t> peak_bytes() const override {
+    const auto* const other = dynamic_cast<const OtherProcess*>(kernel_.get());
+    return other != nullptr ? other->peak_bytes() : std::nullopt;
+  }
 
   std::optional<Nanos> execute(int repeats) override {
     cpu::set_openmp_threads(threads_);

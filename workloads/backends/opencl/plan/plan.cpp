@@ -213,13 +213,28 @@ void PlanBuilder::own_step(
   }
   for (cl_uint i = 0; i < source.arguments.size(); ++i) {
     const OpenclArgument& argument = source.arguments[i];
-    if (argument.tensor.empty()) {
-      set_number(kernel, i, argument);
-      continue;
+    const DeviceTensor* const resident =
+        argument.tensor.empty() ? nullptr : tensor(argument.tensor);
+    try {
+      if (argument.tensor.empty()) {
+        set_number(kernel, i, argument);
+      } else if (resident != nullptr) {
+        set(kernel, i, *resident);
+      } else {
+        fail("has an argument of no tensor: '" + argument.tensor + "'");
+      }
+    } catch (const cl::Error& error) {
+      if (error.err() == CL_OUT_OF_RESOURCES || error.err() == CL_OUT_OF_HOST_MEMORY) throw;
+      const std::string given =
+          resident != nullptr
+              ? "the tensor '" + argument.tensor + "'"
+              : fmt::format("{{{}: {}}}", to_string(argument.element), argument.value);
+      fail(
+          fmt::format("takes no {} as argument {} (counted from 0): tensors are __global "
+                      "pointers, and numbers have the size of its parameter (u8: uchar, i16: "
+                      "short, i32: int, f32: float, f64: double)",
+                      given, i));
     }
-    const DeviceTensor* const resident = tensor(argument.tensor);
-    if (resident == nullptr) fail("has an argument of no tensor: '" + argument.tensor + "'");
-    set(kernel, i, *resident);
   }
   const auto range = [](const std::array<std::int64_t, 3>& extents) {
     const auto at = [&extents](std::size_t i) {
