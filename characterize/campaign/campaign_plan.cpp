@@ -16,6 +16,7 @@
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
+#include "workloads/catalog/specs.h"
 #include "workloads/inputs/pictures/images.h"
 
 namespace pirt {
@@ -154,6 +155,15 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   plan.remarks.insert(plan.remarks.end(), of_cores.begin(), of_cores.end());
   if (!of_cores.empty()) plan.facts["cores_remark"] = join(of_cores, "; ");
   for (PlannedCell& cell : plan.cells) cell.first = is_first(options, cell);
+  for (const NeededWorkload& needed : options.first) {
+    if (try_find_spec(needed.workload) || options.platform.workloads.contains(needed.workload)) {
+      continue;
+    }
+    plan.remarks.push_back(fmt::format(
+        "mix {} needs '{}', and nothing says what that is{}; give its file with --workloads, or "
+        "its times (pirt import)",
+        options.mix, needed.workload, suggestion(needed.workload, workload_names())));
+  }
   plan_meters(options, plan);
   plan_unit_times(options, plan);
   if (options.resumed) plan.spent = options.resumed->spent;

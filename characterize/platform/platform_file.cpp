@@ -151,6 +151,10 @@ std::map<std::string, std::vector<std::string>> read_programs(const YamlNode& no
   for (const auto& name : node.keys()) {
     for (const YamlNode& item : node.at(name).items()) {
       const std::string workload = item.text();
+      if (!is_foreign(workload) && !try_find_spec(workload)) {
+        item.fail("there is no workload '" + workload + "'" +
+                  suggestion(workload, workload_names()));
+      }
       const auto [first, added] = known.emplace(workload, name);
       if (!added) item.fail(workload + " is in program " + first->second + " already");
       programs[name].push_back(workload);
@@ -347,7 +351,7 @@ WorkloadModel read_workload(const YamlNode& node, const Platform& platform) {
 void read_workloads(const YamlNode& node, Platform& platform) {
   auto known = workload_names();
   for (const auto& name : node.keys()) {
-    if (is_foreign(name)) known.push_back(name);
+    if (is_foreign(name) || try_find_spec(name)) known.push_back(name);
   }
   node.check_keys(known);
   for (const auto& name : node.keys()) {

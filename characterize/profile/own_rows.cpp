@@ -52,12 +52,25 @@ void learn_workloads(const Profile& profile) {
   }
 }
 
-std::string doubt_changed(Profile& profile, const std::string& file, const std::string& digest) {
+std::set<std::string> measured_of(const Profile& profile, const std::string& file,
+                                  const std::string& digest) {
+  std::set<std::string> names;
+  for (const RunInfo& run : profile.runs) {
+    for_each_definition(run, [&](const own::Definition& definition) {
+      if (definition.source == file || definition.digest == digest) names.insert(definition.name);
+    });
+  }
+  return names;
+}
+
+std::string doubt_changed(Profile& profile, const std::set<std::string>& workloads,
+                          const std::string& digest) {
   std::set<std::string> names;
   for (const RunInfo& run : profile.runs) {
     std::set<std::string> changed;
     for_each_definition(run, [&](const own::Definition& definition) {
-      if (definition.source == file && definition.digest != digest) changed.insert(definition.name);
+      const bool other = definition.digest != digest && workloads.contains(definition.name);
+      if (other) changed.insert(definition.name);
     });
     for (auto* rows : {&profile.phases, &profile.conditions}) {
       for (PhaseRow& row : *rows) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 
@@ -24,8 +25,14 @@ void learn_workloads(const Profile& profile);
 /// A doubt of rows: their code was built anew since they were measured.
 inline constexpr const char* kChanged = "changed";
 
-/// Doubts the rows of workloads that come from @p file if that has another digest now.
-/// @return  The workloads, with commas; empty = it is what was measured.
-std::string doubt_changed(Profile& profile, const std::string& file, const std::string& digest);
+/// The workloads that the profile has measured of @p file, or of one that held the same elsewhere.
+[[nodiscard]] std::set<std::string> measured_of(const Profile& profile, const std::string& file,
+                                                const std::string& digest);
+
+/// Doubts the rows of those of @p workloads that were measured of a file with another digest.
+/// @param workloads  Without sizes: "mine.sobel".
+/// @return  The rows' workloads, with commas; empty = they are what was measured.
+std::string doubt_changed(Profile& profile, const std::set<std::string>& workloads,
+                          const std::string& digest);
 
 }  // namespace pirt

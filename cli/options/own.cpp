@@ -11,6 +11,8 @@
 #include "cli/options/output.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/own_files.h"
+#include "workloads/catalog/own_list.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/own/own.h"
 
 namespace pirt::cli {
@@ -41,16 +43,33 @@ void add_workloads(Command& command, OwnFiles& own) {
 void learn(const std::vector<std::string>& files) {
   constexpr Nanos kLimit = std::chrono::seconds(120);
   const JobRunner runner("/proc/self/exe", kLimit, nullptr);
-  for (const std::string& file : files) learn_workloads(runner, file);
+  for (const std::string& file : files) {
+    if (known_of(file).empty()) learn_workloads(runner, file);
+  }
 }
 
 void load(const std::vector<std::string>& files) {
   for (const std::string& file : files) static_cast<void>(load_workloads(file));
 }
 
-void doubt_rows(Profile& profile, const std::vector<std::string>& files) {
+std::set<std::string> known_of(const std::string& file) {
+  std::set<std::string> names;
+  for (const Workload* each : own_workloads()) {
+    const OwnOperation* const own = own_operation(*each);
+    if (own != nullptr && own->source == file) names.insert(each->name);
+  }
+  return names;
+}
+
+void hold_against(Profile& profile, const std::vector<std::string>& files) {
   for (const std::string& file : files) {
-    const std::string changed = doubt_changed(profile, file, own::digest_of(file));
+    const std::string digest = own::digest_of(file);
+    auto workloads = measured_of(profile, file, digest);
+    if (workloads.empty()) {
+      learn({file});
+      workloads = known_of(file);
+    }
+    const std::string changed = doubt_changed(profile, workloads, digest);
     if (changed.empty()) continue;
     warn(
         fmt::format("{} is not what was measured: the rows of {} are uncertain; measure them "

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -20,13 +21,17 @@ struct OwnFiles {
 /// --workloads
 void add_workloads(Command& command, OwnFiles& own);
 
-/// Makes known what the files have, as specs that compute nothing: a process of its own loads them.
+/// Makes known what the files have, as specs that compute nothing: a process of its own loads them,
+/// but for those that something is known of.
 /// @throws Error{kBadInput} naming the file.
 void learn(const std::vector<std::string>& files);
 /// Loads them into this process, which can compute them from then on.
 /// @throws Error as own::load.
 void load(const std::vector<std::string>& files);
-/// Warns of rows whose files are not what they were, which are doubted from then on.
-void doubt_rows(Profile& profile, const std::vector<std::string>& files);
+/// The workloads that are known of the file.
+[[nodiscard]] std::set<std::string> known_of(const std::string& file);
+/// Warns of rows whose files are not what they were, which are doubted from then on. What the
+/// profile has not measured of a file is learned.
+void hold_against(Profile& profile, const std::vector<std::string>& files);
 
 }  // namespace pirt::cli

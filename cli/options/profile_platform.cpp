@@ -41,7 +41,11 @@ ProfiledPlatform read_platform(const std::optional<std::string>& platform,
   if (profile) read.profile = ProfileReader(*profile).read(read.platform.name);
   if (!platform) read.platform = platform_of(read.profile.value(), overrides);
   read.platform = on_devices(std::move(read.platform), read.profile ? &*read.profile : nullptr);
-  if (read.profile) doubt_rows(*read.profile, own);
+  if (read.profile) {
+    hold_against(*read.profile, own);
+  } else {
+    learn(own);
+  }
   return read;
 }
 

@@ -176,7 +176,14 @@ History read_history(const std::vector<std::filesystem::path>& files, const std:
     history.runs.push_back(std::move(run));
   }
   history.series = series.take();
-  if (history.series.empty()) throw_bad_input("no workload is picked by --filter '" + filter + "'");
+  if (history.series.empty()) {
+    std::vector<std::string> names;
+    for (const auto& [run, profile] : found) {
+      for (std::string& name : profile.workloads()) names.push_back(std::move(name));
+    }
+    throw_bad_input("no workload is picked by --filter '" + filter + "'" +
+                    suggestion(filter, names));
+  }
   find_changes(history);
   return history;
 }

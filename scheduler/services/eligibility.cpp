@@ -47,16 +47,19 @@ std::set<std::string_view> needed_locally(const Mix& mix, CloudUse cloud_use) {
 /// What to do about workloads that no unit serves.
 std::string remedy(const Platform& platform, const Profile* profile,
                    const std::vector<std::string>& missing) {
-  if (std::ranges::none_of(platform.units, &UnitModel::measured)) {
-    return "give their times under `workloads:` in the platform file, or import them (pirt import)";
-  }
+  const bool measures = std::ranges::any_of(platform.units, &UnitModel::measured);
+  const std::string model =
+      "give their times under `workloads:` in the platform file, or import them (pirt import)";
   for (const std::string& name : missing) {
     if (!is_foreign(name) || try_find_spec(name)) continue;
     std::vector<std::string> known = workload_names();
     if (profile != nullptr) known = profile->workloads();
-    return "nothing says what '" + name + "' is" + suggestion(name, known) +
-           "; measure it with --workloads FILE, the module or workload file that has it";
+    for (const auto& [modelled, model_of_it] : platform.workloads) known.push_back(modelled);
+    return "nothing says what '" + name + "' is" + suggestion(name, known) + "; " +
+           (measures ? "measure it with --workloads FILE, the module or workload file that has it"
+                     : model);
   }
+  if (!measures) return model;
   std::string files;
   for (const std::string& file : files_of(missing)) files += " --workloads " + path_in_shell(file);
   const std::string path = profile == nullptr ? "profile.db" : path_in_shell(profile->path);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/cli/program.h"
+#include "tests/support/optional_backend.h"
 
 namespace pirt::test {
 namespace {
@@ -80,6 +81,131 @@ TEST_F(Own, IsScheduledWithoutItsCode) {
   EXPECT_EQ(live.json().at("completed"), 10);
 }
 
+TEST_F(Own, AReportSaysWhatIsNotAsItWasMeasured) {
+  const std::string module = scratch_.write("libmine.so", slurp(kExampleModule));
+  const auto measured = characterize(module, "^mine.sobel@160x120$");
+  ASSERT_EQ(measured.exit_code, 0) << measured.err;
+  const std::string mix =
+      scratch_.write("m.yaml",
+                     "mix: m\npipelines:\n  a: {rate_hz: 10, tasks: [{name: t, workload: "
+                     "\"mine.sobel@160x120\"}]}\n");
+  const auto report = [&](const std::string& kind, const std::string& file) {
+    std::vector<std::string> words = {"report", kind, database_, "--workloads", file};
+    if (kind == "compare") words.insert(words.end(), {"--mix", mix});
+    return pirt(words);
+  };
+  for (const char* kind : {"compare", "profile", "setup", "offload"}) {
+    SCOPED_TRACE(kind);
+    const auto same = report(kind, module);
+    EXPECT_EQ(same.exit_code, 0) << same.err;
+    EXPECT_THAT(same.err, Not(HasSubstr("measure")));
+  }
+  // The same elsewhere is the same; another one of its name is not, wherever it lies.
+  EXPECT_THAT(report("compare", kExampleModule).err, Not(HasSubstr("not what was measured")));
+  const std::string other = scratch_.write("other.so", slurp(kExampleModule) + " ");
+  EXPECT_THAT(report("compare", other).err,
+              AllOf(HasSubstr("other.so is not what was measured"), HasSubstr("mine.sobel")));
+  EXPECT_THAT(report("profile", kHostileModule).err,
+              AllOf(HasSubstr("has no rows of bad."), HasSubstr("--workloads"), HasSubstr("--db")));
+  expect_refused(report("compare", scratch_.file("absent.so")), {"absent.so"});
+  // Beside a mix it is taken by itself.
+  scratch_.write("pirt.workloads", "workloads:\n  - {module: other.so}\n");
+  EXPECT_THAT(pirt({"report", "compare", database_, "--mix", mix}).err,
+              HasSubstr("pirt.workloads is not what was measured"));
+}
+
+TEST_F(Own, IsScheduledOnABoardThatIsModelled) {
+  const std::string board =
+      scratch_.write("board.yaml",
+                     "platform: board\nunits: {npu: {role: dsp, active_w: 1}}\n"
+                     "workloads: {mine.sobel: {npu: 5}, sobel@160x120: {npu: 3}}\n");
+  const auto mix = [this](const std::string& workload) {
+    return scratch_.write("m.yaml",
+                          "mix: m\npipelines:\n  a:\n    rate_hz: 10\n    tasks:\n      - {name: "
+                          "s, workload: \"sobel@160x120\"}\n      - {name: t, workload: " +
+                              workload + ", after: [s]}\n");
+  };
+  for (const auto& words : std::vector<std::vector<std::string>>{{"schedule", "--mode", "edf"},
+                                                                 {"schedule", "--compare", "edf"},
+                                                                 {"what-if", "--modes", "edf"},
+                                                                 {"report", "compare"}}) {
+    SCOPED_TRACE(words.front());
+    const auto with = [&](const std::string& workload, std::vector<std::string> more) {
+      std::vector<std::string> all = words;
+      all.insert(all.end(), {"--platform", board, "--mix", mix(workload)});
+      all.insert(all.end(), more.begin(), more.end());
+      return pirt(all);
+    };
+    const auto good = with("mine.sobel", {"--workloads", kExampleModule});
+    EXPECT_EQ(good.exit_code, 0) << good.err;
+    for (const auto& more :
+         std::vector<std::vector<std::string>>{{}, {"--workloads", kExampleModule}}) {
+      const auto wrong = with("mine.sobl", more);
+      // A report is of what can be said, and has that in it.
+      EXPECT_EQ(wrong.exit_code, words.front() == "report" ? 0 : 2);
+      EXPECT_THAT(wrong.out + wrong.err,
+                  AllOf(HasSubstr("'mine.sobl'"), HasSubstr("did you mean mine.sobel")));
+    }
+    expect_refused(with("mine.sobel", {"--workloads", scratch_.file("absent.so")}), {"absent.so"});
+  }
+  const std::string wrong = scratch_.write(
+      "wrong.yaml",
+      "platform: board\nunits: {gpu: {role: gpu, active_w: 1, contexts: {programs: {a: "
+      "[sobl]}}}}\n");
+  expect_refused(pirt({"list", "units", "--platform", wrong}), {"sobl", "did you mean sobel"});
+}
+
+TEST_F(Own, ThatHangsCostsTheTimeThatItsFileSays) {
+  const std::string file = scratch_.write(
+      "w.yaml", std::string("workloads:\n  - {module: ") + kHostileModule + ", limit_s: 8}\n");
+  const auto outcome = characterize(file, "^bad\\.(hang|good)$");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err,
+              AllOf(HasSubstr("bad.hang on cpu: not"), HasSubstr("timed out after 8 s"),
+                    Not(HasSubstr("bad.good on cpu: not"))));
+}
+
+TEST_F(Own, ItsLastWordsAreShown) {
+  scratch_.write("p.py", "import no_such_package\n");
+  const std::string file =
+      scratch_.write("w.yaml",
+                     "workloads:\n  - {name: my.p, outputs: {a: \"u8[4]\"}, command: [python3, "
+                     "p.py]}\n");
+  const auto outcome = characterize(file, "my.p");
+  EXPECT_EQ(outcome.exit_code, 4);
+  EXPECT_THAT(outcome.out + outcome.err,
+              AllOf(HasSubstr("ended with code 1"), HasSubstr("No module named")));
+}
+
+TEST_F(Own, KernelsThatAreNoneSayWhy) {
+  PIRT_BACKEND_OR_SKIP("opencl");
+  const std::string head =
+      "workloads:\n  - name: my.k\n    outputs: {a: \"u8[4]\"}\n    opencl: {source: k.cl, kernel: "
+      "k, global: [4], args: ";
+  const auto outcome = [&](const std::string& source, const std::string& args) {
+    scratch_.write("k.cl", source);
+    return pirt({"sample", "--workload", "my.k", "--unit", "opencl", "--workloads",
+                 scratch_.write("w.yaml", head + args + "}\n")});
+  };
+  const auto broken = outcome("__kernel void k(__global uchar* a) { a[0] = nothing; }\n", "[a]");
+  EXPECT_NE(broken.exit_code, 0);
+  EXPECT_THAT(broken.err, AllOf(HasSubstr("k.cl"), HasSubstr("nothing")));
+  const auto few = outcome("__kernel void k(__global uchar* a, int b) { a[0] = b; }\n", "[a]");
+  EXPECT_THAT(few.err, HasSubstr("takes 2 arguments, and 1 are given"));
+  const auto other =
+      outcome("__kernel void k(__global uchar* a, int b) { a[0] = b; }\n", "[a, {u8: 1}]");
+  EXPECT_THAT(other.err, HasSubstr("takes no {u8: 1} as argument 1"));
+}
+
+TEST_F(Own, ANeedThatNothingKnowsIsSaid) {
+  const std::string mix = scratch_.write(
+      "m.yaml", "mix: m\npipelines:\n  a: {rate_hz: 1, tasks: [{name: t, workload: mine.sobl}]}\n");
+  const auto plan = pirt(
+      {"characterize", "--mix", mix, "--workloads", kExampleModule, "--units", "cpu", "--dry-run"});
+  EXPECT_EQ(plan.exit_code, 0) << plan.err;
+  EXPECT_THAT(plan.out, AllOf(HasSubstr("needs 'mine.sobl'"), HasSubstr("did you mean")));
+}
+
 TEST_F(Own, ARunIsNotGoneOnWithAnotherBuild) {
   const std::string module = scratch_.write("libmine.so", slurp(kExampleModule));
   // Its time is over before it has the processes that it needs.
@@ -116,6 +242,8 @@ TEST_F(Own, IsHeldAgainstAnother) {
   EXPECT_THAT(outcome.out,
               AllOf(HasSubstr("--workload bad.good"), HasSubstr("--workload bad.prints")));
   expect_refused(regress("bad.good", {"--units", "cpu"}), {"CANDIDATE=BASELINE"});
+  expect_refused(regress("bad.god=bad.prints", {"--units", "cpu"}), {"did you mean bad.good"});
+  expect_refused(regress("bad.good=sobl", {"--units", "cpu"}), {"did you mean sobel"});
   expect_refused(regress("bad.good=bad.prints", {}), {"--units"});
 }
 

@@ -21,6 +21,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/shell.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt::cli {
 namespace {
@@ -114,12 +115,15 @@ RegressOptions as_commands(RegressOptions options) {
   if (options.units.size() != 1) {
     throw_bad_input("--as compares two workloads on one unit; give it with --units");
   }
-  const auto sampling = [&options](const std::string& workload) {
+  const auto own = options.own.all();
+  learn(own);
+  const auto sampling = [&](const std::string& workload) {
+    static_cast<void>(find_workload(workload));
     std::string command = path_in_shell(std::filesystem::read_symlink("/proc/self/exe").string()) +
                           " sample --workload " + in_shell(workload) + " --unit " +
                           in_shell(options.units.front()) + " --seed " +
                           std::to_string(options.seed) + " --work " + in_shell(options.work);
-    for (const std::string& file : options.own.all()) {
+    for (const std::string& file : own) {
       command += " --workloads " + path_in_shell(file);
     }
     if (!options.platform.empty()) {

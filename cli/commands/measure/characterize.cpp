@@ -83,11 +83,12 @@ void acknowledge(const CellName& cell) {
   std::fprintf(stderr, "stored: %s on %s\n", cell.workload.c_str(), cell.unit.c_str());
 }
 
-/// Each workload of the mix once, with all who may serve some task of it.
+/// Each workload of the mix once that can be measured, with all who may serve some task of it.
 std::vector<NeededWorkload> needed_by(const Mix& mix) {
   std::vector<NeededWorkload> needed;
   for (const Pipeline& pipeline : mix.pipelines) {
     for (const MixTask& task : pipeline.tasks) {
+      if (!task.service.empty()) continue;
       const auto known = std::ranges::find(needed, task.workload, &NeededWorkload::workload);
       if (known == needed.end()) {
         needed.push_back({task.workload, task.eligible});

@@ -13,6 +13,7 @@
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/own.h"
 #include "cli/options/profile_platform.h"
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
@@ -42,6 +43,7 @@ struct RunRobotFlags {
   std::optional<std::string> mode, slices;
   std::string compare;  ///< Modes, with commas; empty = the paper's.
   std::optional<std::string> profile, platform;
+  OwnFiles own;
   std::vector<std::string> settings;
   std::optional<std::string> duration;
   int in_flight = 2;
@@ -83,7 +85,16 @@ RuntimeOptions runtime_options(const RunRobotFlags& options) {
   // Without a profile, what is usual of this machine.
   auto platform = options.platform;
   if (!platform && !options.profile) platform = "host";
-  auto read = read_platform(platform, options.profile, parse_overrides(options.settings));
+  const auto own = options.own.all();
+  learn(own);
+  for (const std::string& file : own) {
+    const auto names = known_of(file);
+    warn(fmt::format(
+        "--workloads: a robot's steps are pirt's own, and none of {} is computed here; a mix has "
+        "them beside others (pirt schedule --live), or a program of yours (RuntimeOptions::files)",
+        join(std::vector(names.begin(), names.end()), ", ")));
+  }
+  auto read = read_platform(platform, options.profile, parse_overrides(options.settings), own);
   RuntimeOptions runtime;
   runtime.platform = std::move(read.platform);
   runtime.profile = std::move(read.profile);
@@ -306,6 +317,7 @@ void add_run_robot(CLI::App& app, Action& action) {
   add_settings(command, options->settings);
   add_input(command, "--profile", &options->profile,
             "Profile database of pirt characterize; without one all units count as equally fast");
+  add_workloads(command, options->own);
   add_value(command, "--in-flight", &options->in_flight, "INTEGER", not_within(1, 1000),
             "Frames at a time; one that finds more is dropped")
       .shows_default();
@@ -343,8 +355,8 @@ void add_run_robot(CLI::App& app, Action& action) {
   add_json(command, options->json);
   // --serial runs without the runtime, --compare has that run in it and more than one besides.
   command.option("--no-map").excludes(command.option("--load-slam-map"));
-  for (const auto* name :
-       {"--mode", "--platform", "--profile", "--set", "--in-flight", "--trace", "--strict"})
+  for (const auto* name : {"--mode", "--platform", "--profile", "--set", "--in-flight", "--trace",
+                           "--strict", "--workloads"})
     command.option("--serial").excludes(command.option(name));
   for (const auto* name : {"--serial", "--mode", "--trace", "--trajectory", "--plot",
                            "--save-slam-map", "--scenes", "--record"})

@@ -148,6 +148,7 @@ Inputs read_inputs(const ScheduleFlags& options) {
   Inputs inputs;
   const auto own = options.own.all(options.mix);
   if (options.live) load(own);
+  if (!options.profile) learn(own);
   if (!options.profile) inputs.mix = load_mix(options.mix);  // First: it costs nothing to mend.
   if (!options.profile && !options.platform) {
     throw_bad_input(

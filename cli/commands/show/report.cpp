@@ -13,6 +13,7 @@
 #include "cli/commands.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/own.h"
 #include "cli/options/profile_platform.h"
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
@@ -30,6 +31,7 @@
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
+#include "workloads/own/definition.h"
 
 namespace pirt::cli {
 namespace {
@@ -41,6 +43,7 @@ struct ReportFlags {
   std::optional<std::string> platform;
   std::vector<std::string> settings;
   std::string mix = "full-robot";
+  OwnFiles own;
   bool paper = false, setup = false, offload = false, brief = false;  ///< What they were once.
   bool strict = false;
   Output json;
@@ -104,20 +107,38 @@ Files sort_files(const std::vector<std::string>& files) {
   return sorted;
 }
 
+/// What the files have and what was measured of them have to agree.
+Profile held_against(const OwnFiles& own, const std::string& mix, Profile profile) {
+  const auto files = own.all(mix);
+  hold_against(profile, files);
+  for (const std::string& file : files) {
+    auto missing = known_of(file);
+    for (const std::string& row : profile.workloads()) missing.erase(own::plain_name(row));
+    if (missing.empty()) continue;
+    const std::vector names(missing.begin(), missing.end());
+    warn(
+        fmt::format("{} has no rows of {}, which {} has; measure them: pirt characterize "
+                    "--workloads {} --filter '^({})$' --db {}",
+                    profile.path, join(names, ", "), file, path_in_shell(file), join(names, "|"),
+                    path_in_shell(profile.path)));
+  }
+  return profile;
+}
+
 Profile open_profile(const ReportFlags& options, const std::string& file, bool samples) {
   const ProfileReader reader(file);
   auto profile =
       options.platform ? reader.read(load_platform(*options.platform).name) : reader.read();
   profile.path = file;
   if (samples) reader.read_samples(profile);
-  return profile;
+  return held_against(options.own, options.mix, std::move(profile));
 }
 
 /// A board beside the machine, of its newest run: --platform names the machine's.
-Profile open_other(const std::string& file) {
+Profile open_other(const ReportFlags& options, const std::string& file) {
   Profile profile = ProfileReader(file).read();
   profile.path = file;
-  return profile;
+  return held_against(options.own, options.mix, std::move(profile));
 }
 
 /// The platform that is given, or the profile's.
@@ -234,11 +255,12 @@ int report_all(const ReportFlags& options) {
 int report_profile(const ReportFlags& options) {
   ReportInputs inputs;
   for (const auto& file : options.files) {
-    inputs.machines.push_back(
-        {.profile = inputs.machines.empty() ? open_profile(options, file, true) : open_other(file),
-         .platform = std::nullopt,
-         .modes = {},
-         .table5 = {}});
+    inputs.machines.push_back({.profile = inputs.machines.empty()
+                                              ? open_profile(options, file, true)
+                                              : open_other(options, file),
+                               .platform = std::nullopt,
+                               .modes = {},
+                               .table5 = {}});
   }
   Document document = full_report(inputs);
   document.title = "pirt report profile";
@@ -318,7 +340,7 @@ int report_paper(const ReportFlags& options) {
   }
   std::vector<Profile> others;
   for (std::size_t i = 1; i < files.databases.size(); ++i) {
-    others.push_back(open_other(files.databases[i]));
+    others.push_back(open_other(options, files.databases[i]));
   }
   const auto paper = run_paper();
   const Machine* evidence = machine ? &*machine : nullptr;
@@ -408,6 +430,7 @@ int report(const ReportFlags& options, const Kind& kind) {
     throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one" +
                     std::string(of_modes ? ", or give --platform of a modelled board" : ""));
   }
+  learn(options.own.all(options.mix));
   return kind.write(options);
 }
 
@@ -453,6 +476,7 @@ void add_common(Command& command, const std::shared_ptr<ReportFlags>& options, c
         .shows_default();
     add_strict(command, options->strict);
   }
+  add_workloads(command, options->own);
   add_json(command, options->json);
 }
 
