@@ -9,7 +9,7 @@ PIRT_PACKAGES=(
   coinor-libclp-dev libceres-dev
   node-d3
 )
-PIRT_TEST_PACKAGES=(ccache make libgtest-dev libgmock-dev libbenchmark-dev chromium chromium-driver bash-completion mandoc yamllint python3-jsonschema)
+PIRT_TEST_PACKAGES=(ccache make libgtest-dev libgmock-dev libbenchmark-dev chromium chromium-driver bash-completion mandoc yamllint python3-jsonschema python3-onnx)
 # Backend dsp: its program's compiler and linker, and the emulator; without them it says so, and its tests are skipped.
 PIRT_DSP_PACKAGES=(clang lld qemu-user)
 # Backend nats, the cloud: its libraries, and the server that tests start; likewise.
