@@ -92,7 +92,10 @@ void learn_workloads(const JobRunner& runner, const std::filesystem::path& file)
   job.own = std::filesystem::absolute(file).lexically_normal().string();
   const auto result = runner.run(job);
   if (!result) throw_environment("interrupted while reading " + file.string());
-  if (!result->error.empty()) throw_bad_input(file.string() + ": " + result->error);
+  if (!result->error.empty()) {
+    const bool placed = result->error.starts_with(job.own);
+    throw_bad_input((placed ? "" : file.string() + ": ") + result->error);
+  }
   std::vector<Workload> workloads;
   try {
     for (const Json& each : parse_json(result->definitions)) {

@@ -1,7 +1,8 @@
 #include "scheduler/runtime/runtime.h"
 
-#include <filesystem>
+#include <set>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "characterize/profile/own_rows.h"
@@ -68,9 +69,11 @@ std::stop_token stop_of_this_call() { return stop_of_call(); }
 
 Runtime::Runtime(RuntimeOptions options) {
   for (const std::string& file : options.files) {
-    const std::string digest = load_workloads(file).front().digest;
-    const auto path = std::filesystem::absolute(file).lexically_normal().string();
-    if (options.profile) static_cast<void>(doubt_changed(*options.profile, path, digest));
+    std::set<std::string> names;
+    const auto loaded = load_workloads(file);
+    for (const own::Definition& each : loaded) names.insert(each.name);
+    if (!options.profile) continue;
+    static_cast<void>(doubt_changed(*options.profile, names, loaded.front().digest));
   }
   engine_ = std::make_unique<Engine>(std::move(options));
 }

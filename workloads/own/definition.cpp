@@ -22,6 +22,8 @@ constexpr int kMostExtent = 65'536;
 constexpr std::int64_t kMostRow = std::int64_t{1} << 31;
 /// Of a tensor: more is a slip of the pen.
 constexpr std::int64_t kMostBytes = std::int64_t{1} << 32;
+/// Of all inputs that it is measured with.
+constexpr std::int64_t kMostSequence = std::int64_t{1} << 36;
 constexpr std::size_t kMostTensors = 64, kMostDims = 6;
 constexpr double kFloatTolerance = 1e-4;
 constexpr int kFormat = 1;
@@ -444,9 +446,9 @@ void check(const Definition& definition, const std::string& where) {
   }
   const double sequence =
       definition.frames * bytes_of(definition.inputs, definition.size.value_or(Size{}));
-  if (sequence > static_cast<double>(kMostBytes)) {
+  if (sequence > static_cast<double>(kMostSequence)) {
     throw_bad_input(fmt::format("{}: inputs of {} frames have {:.3g} bytes; {} are the most", place,
-                                definition.frames, sequence, kMostBytes));
+                                definition.frames, sequence, kMostSequence));
   }
   if (definition.slices < 1 || definition.slices > 10'000) {
     throw_bad_input(

@@ -7,7 +7,7 @@ weights = numpy_helper.from_array(values((8, 3, 3, 3)).astype(numpy.float32), "w
 picture = helper.make_tensor_value_info("picture", TensorProto.FLOAT, [1, 3, 64, 64])
 features = helper.make_tensor_value_info("features", TensorProto.FLOAT, [1, 8, 32, 32])
 nodes = [
-    helper.make_node("Conv", ["picture", "weights"], ["edges"], pads=[1, 1, 1, 1]),
+    helper.make_node("Conv", ["picture", "weights"], ["edges"], kernel_shape=[3, 3], pads=[1, 1, 1, 1]),
     helper.make_node("Relu", ["edges"], ["bright"]),
     helper.make_node("MaxPool", ["bright"], ["features"], kernel_shape=[2, 2], strides=[2, 2]),
 ]

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <deque>
 #include <functional>
 #include <map>
 #include <string>
@@ -118,7 +119,7 @@ struct Table {
         {"argument broken", [&] { arguments[1].value = 0.5; }},
     };
     if (what == "LIST") {
-      for (const auto& [name, unused] : all) names += name + "\n";
+      for (const auto& each : all) names += each.first + "\n";
       workload.description = names.c_str();
     } else {
       all.at(what)();
@@ -130,7 +131,8 @@ struct Table {
 }  // namespace
 
 const pirt_module* pirt_module_v1() {
-  auto* const table = new Table;  // Stays to the end of the process.
+  static std::deque<Table> tables;  // Stay to the end of the process.
+  Table* const table = &tables.emplace_back();
   const char* const what = std::getenv("PIRT_TEST_SPOIL");
   if (what != nullptr) table->spoil(what);
   return table->returned;
