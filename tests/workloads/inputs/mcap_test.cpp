@@ -12,6 +12,7 @@
 #include "tests/workloads/inputs/sequence_support.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
+#include "workloads/inputs/recording/compression.h"
 #include "workloads/inputs/recording/mcap_format.h"
 #include "workloads/inputs/recording/recording.h"
 #include "workloads/inputs/sequence/recorded.h"
@@ -194,6 +195,18 @@ class Packed : public testing::Test {
   const Sequence flight_ = generate_sequence(options());
 };
 
+/// All messages of @p from whose times are in [begin, end).
+void copy_part(const Recording& from, RecordingWriter& out, Nanos begin, Nanos end) {
+  for (std::size_t t = 0; t < from.topics().size(); ++t) {
+    const Topic& topic = from.topics()[t];
+    for (std::size_t i = 0; i < topic.messages; ++i) {
+      const Nanos time = from.time(t, i);
+      if (time >= begin && time < end) out.write(topic.name, topic.type, time, from.message(t, i));
+    }
+  }
+  out.publish();
+}
+
 TEST_F(Packed, ChunksOfMcapAreUnpacked) {
   write("a.mcap");
   const std::pair<std::string, std::string> ways[] = {{"lz4", "lz4 -q"}, {"zstd", "zstd -q"}};
@@ -212,11 +225,44 @@ TEST_F(Packed, ChunksOfMcapAreUnpacked) {
   }
 }
 
+TEST_F(Packed, WhatIsSmallIsUnpackedOnce) {
+  write("a.mcap");
+  const auto plain = open_recording(path("a.mcap"));
+  const Nanos middle = flight_.frames[flight_.frames.size() / 2].time;
+  fs::create_directory(path("s"));
+  copy_part(*plain, *make_mcap(path("s/0.mcap"), best_compression()), Nanos::zero(), middle);
+  copy_part(*plain, *make_mcap(path("s/1.mcap"), best_compression()), middle, Nanos::max());
+  put(path("s/metadata.yaml"),
+      "rosbag2_bagfile_information:\n  relative_file_paths:\n    - 0.mcap\n    - 1.mcap\n");
+  const Sequence read = read_sequence(path("s"));
+  // Nothing is left to unpack.
+  for (const char* part : {"s/0.mcap", "s/1.mcap"}) fs::resize_file(path(part), 0);
+  expect_same(read);
+}
+
+TEST(ChunkCache, MakesRoomBeforeItUnpacks) {
+  ChunkCache cache;
+  const int files[2] = {};
+  std::weak_ptr<const std::string> first = cache.get(
+      &files[0], 7, kMostChunkBytes / 2, [] { return std::string(kMostChunkBytes / 2, 'a'); });
+  EXPECT_EQ(cache.get(&files[1], 7, 1, [] { return std::string("b"); })->front(), 'b');
+  const auto keep = [] { return std::string("unpacked again"); };
+  EXPECT_EQ(cache.get(&files[0], 7, kMostChunkBytes / 2, keep)->front(), 'a');
+  static_cast<void>(cache.get(&files[1], 8, kMostChunkBytes, [&] {
+    EXPECT_TRUE(first.expired());
+    return std::string("c");
+  }));
+}
+
 TEST_F(Packed, FileOfMcapThatIsCutIsReadAsFarAsItIsWhole) {
   write("a.mcap");
   const std::string text = text_of(path("a.mcap"));
-  put(path("a.mcap"), text.substr(0, text.size() - 100'000));
-  const auto recording = open_recording(path("a.mcap"));
+  put(path("a.mcap"), text.substr(0, 20));
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(path("a.mcap"))); }),
+              AllOf(HasSubstr("no pictures"), HasSubstr("is not whole")));
+  // As a recorder leaves it that was killed, on a file system of capitals.
+  put(path("A.MCAP.active"), text.substr(0, text.size() - 100'000));
+  const auto recording = open_recording(path("A.MCAP.active"));
   EXPECT_THAT(recording->warnings().front(),
               AllOf(HasSubstr("is not whole"), HasSubstr("messages")));
   EXPECT_EQ(recording->of_type("sensor_msgs/Imu").size(), 1U);
@@ -233,18 +279,6 @@ TEST_F(Packed, FileOfZstdIsUnpackedAndLeavesNothing) {
   expect_same(read_sequence(path("a.db3.zstd")));
   ::unsetenv("TMPDIR");
   EXPECT_TRUE(fs::is_empty(temporary));
-}
-
-/// All messages of @p from whose times are in [begin, end).
-void copy_part(const Recording& from, RecordingWriter& out, Nanos begin, Nanos end) {
-  for (std::size_t t = 0; t < from.topics().size(); ++t) {
-    const Topic& topic = from.topics()[t];
-    for (std::size_t i = 0; i < topic.messages; ++i) {
-      const Nanos time = from.time(t, i);
-      if (time >= begin && time < end) out.write(topic.name, topic.type, time, from.message(t, i));
-    }
-  }
-  out.publish();
 }
 
 TEST_F(Packed, PartsOfAFolderAreOne) {
@@ -273,6 +307,16 @@ TEST_F(Packed, PartsOfAFolderAreOne) {
     EXPECT_THAT(
         bad_input([&] { static_cast<void>(read_sequence(folder)); }),
         AllOf(HasSubstr("metadata.yaml:4"), HasSubstr("a_2" + ending), HasSubstr("missing")));
+    // It was unpacked since, and another recording lies beside it.
+    put(folder / "metadata.yaml",
+        "rosbag2_bagfile_information:\n  relative_file_paths:\n    - a_0" + ending + ".zstd\n");
+    const auto first = open_recording(folder);
+    EXPECT_EQ(first->file(), (folder / ("a_0" + ending)).string());
+    EXPECT_THAT(first->warnings(), testing::ElementsAre(AllOf(HasSubstr("a_1" + ending),
+                                                              HasSubstr("does not name it"))));
+    for (const char* name : {"a_0", "a_1"}) fs::remove(folder / (name + ending));
+    EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(folder)); }),
+                AllOf(HasSubstr("metadata.yaml:3"), HasSubstr("missing")));
   }
 }
 

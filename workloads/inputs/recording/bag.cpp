@@ -39,7 +39,10 @@ using Connections = std::map<std::uint32_t, std::size_t>;
 
 class Bag final : public Recording {
  public:
-  explicit Bag(const std::filesystem::path& file) : Recording(file.string()), bytes_(file) {
+  Bag(const std::filesystem::path& file, const Opening& as)
+      : Recording(as.name.empty() ? file.string() : as.name),
+        bytes_(file, file_),
+        unpacked_(as.unpacked) {
     read_index();
   }
 
@@ -51,8 +54,9 @@ class Bag final : public Recording {
       check_message(record);
       return bytes_.read(record.data_at, std::min<std::uint64_t>(record.data_size, most));
     }
-    const auto content = unpacked_.get(place.at, [&] {
-      return unpack(chunk.compression, bytes_.read(chunk.data_at, chunk.packed), chunk.size, file_);
+    const auto content = unpacked_->get(this, place.at, chunk.size, [&] {
+      return unpack(chunk.compression, bytes_.pieces(chunk.data_at, chunk.packed), chunk.size,
+                    file_);
     });
     const Record record = parse_record(*content, place.part);
     check_message(record);
@@ -199,13 +203,13 @@ class Bag final : public Recording {
 
   RandomFile bytes_;
   std::vector<Chunk> chunks_;
-  mutable ChunkCache unpacked_;
+  std::shared_ptr<ChunkCache> unpacked_;
 };
 
 }  // namespace
 
-std::unique_ptr<Recording> open_bag(const std::filesystem::path& file) {
-  return std::make_unique<Bag>(file);
+std::unique_ptr<Recording> open_bag(const std::filesystem::path& file, const Opening& as) {
+  return std::make_unique<Bag>(file, as);
 }
 
 }  // namespace pirt

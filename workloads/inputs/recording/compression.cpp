@@ -13,8 +13,8 @@
 
 #include <algorithm>
 #include <fstream>
-#include <functional>
 #include <memory>
+#include <utility>
 
 #include "workloads/base/error.h"
 #include "workloads/inputs/recording/random_file.h"
@@ -29,31 +29,49 @@ namespace {
                     " and build again, or unpack it: `rosbag decompress`, `ros2 bag convert`");
 }
 
+[[maybe_unused]] constexpr std::size_t kPiece = std::size_t{256} << 10;
+
 #ifdef PIRT_BZ2
-bool unpack_bz2(const std::string& packed, std::string& out) {
-  auto size = static_cast<unsigned int>(out.size());
-  // The library has no view of constant memory; it only reads.
-  const int result = BZ2_bzBuffToBuffDecompress(out.data(), &size, const_cast<char*>(packed.data()),
-                                                static_cast<unsigned int>(packed.size()), 0, 0);
-  return result == BZ_OK && size == out.size();
+bool unpack_bz2(const ReadPacked& read, std::string& out) {
+  bz_stream stream{};
+  if (BZ2_bzDecompressInit(&stream, 0, 0) != BZ_OK) return false;
+  stream.next_out = out.data();
+  stream.avail_out = static_cast<unsigned int>(out.size());
+  int result = BZ_OK;
+  for (std::string piece = read(kPiece); result == BZ_OK && !piece.empty(); piece = read(kPiece)) {
+    stream.next_in = piece.data();
+    stream.avail_in = static_cast<unsigned int>(piece.size());
+    result = BZ2_bzDecompress(&stream);
+    if (result == BZ_OK && stream.avail_in > 0) break;  // more comes out than there is room for
+  }
+  BZ2_bzDecompressEnd(&stream);
+  return result == BZ_STREAM_END && stream.avail_out == 0;
 }
 #endif
 
 #ifdef PIRT_LZ4
-bool unpack_lz4(const std::string& packed, std::string& out) {
+bool unpack_lz4(const ReadPacked& read, std::string& out) {
   LZ4F_dctx* context = nullptr;
   if (LZ4F_isError(LZ4F_createDecompressionContext(&context, LZ4F_VERSION))) return false;
+  LZ4F_decompressOptions_t options{};
+  options.stableDst = 1;  // what came out stays where it is
   std::size_t made = 0;
-  std::size_t read = 0;
   std::size_t hint = 1;
-  while (hint != 0 && read < packed.size()) {
+  std::string piece;
+  std::size_t taken = 0;
+  while (hint != 0 && !LZ4F_isError(hint)) {
+    if (taken == piece.size()) {
+      piece = read(kPiece);
+      taken = 0;
+      if (piece.empty()) break;
+    }
     std::size_t room = out.size() - made;
-    std::size_t given = packed.size() - read;
+    std::size_t given = piece.size() - taken;
     hint =
-        LZ4F_decompress(context, out.data() + made, &room, packed.data() + read, &given, nullptr);
-    if (LZ4F_isError(hint) || (room == 0 && given == 0)) break;
+        LZ4F_decompress(context, out.data() + made, &room, piece.data() + taken, &given, &options);
+    if (room == 0 && given == 0) break;
     made += room;
-    read += given;
+    taken += given;
   }
   LZ4F_freeDecompressionContext(context);
   return hint == 0 && made == out.size();
@@ -61,14 +79,12 @@ bool unpack_lz4(const std::string& packed, std::string& out) {
 #endif
 
 #ifdef PIRT_ZSTD
-using Read = std::function<std::string(std::size_t most)>;
 using Write = std::function<void(std::string_view bytes)>;
 
 /// Of any number of frames, piece by piece. False if they are damaged or end early.
-bool unpack_zstd(const Read& read, const Write& write) {
+bool unpack_zstd(const ReadPacked& read, const Write& write) {
   const std::unique_ptr<ZSTD_DCtx, std::size_t (*)(ZSTD_DCtx*)> context(ZSTD_createDCtx(),
                                                                         ZSTD_freeDCtx);
-  constexpr std::size_t kPiece = std::size_t{1} << 20;
   std::string made(kPiece, '\0');
   std::size_t hint = 1;
   for (std::string piece = read(kPiece); !piece.empty(); piece = read(kPiece)) {
@@ -150,9 +166,9 @@ void check_compression(std::string_view name, const std::string& file) {
                   "', which is not known; recordings have none, bz2, lz4 or zstd");
 }
 
-std::string unpack(std::string_view name, [[maybe_unused]] const std::string& packed,
+std::string unpack(std::string_view name, [[maybe_unused]] const ReadPacked& packed,
                    std::size_t size, const std::string& file) {
-  std::string out(size, '\0');
+  std::string out(name == "zstd" ? 0 : size, '\0');
   bool done = false;
 #ifdef PIRT_BZ2
   if (name == "bz2") done = unpack_bz2(packed, out);
@@ -162,7 +178,13 @@ std::string unpack(std::string_view name, [[maybe_unused]] const std::string& pa
 #endif
 #ifdef PIRT_ZSTD
   if (name == "zstd") {
-    done = ZSTD_decompress(out.data(), out.size(), packed.data(), packed.size()) == out.size();
+    out.reserve(size);
+    bool fits = true;
+    const bool is_whole = unpack_zstd(packed, [&](std::string_view bytes) {
+      fits = fits && bytes.size() <= size - out.size();
+      if (fits) out += bytes;
+    });
+    done = is_whole && fits && out.size() == size;
   }
 #endif
   if (!done)
@@ -177,7 +199,7 @@ std::string unpack_message(std::string message, const std::string& file) {
   check_compression("zstd", file);
   std::string out;
 #ifdef PIRT_ZSTD
-  const Read read = [&](std::size_t) { return std::exchange(message, {}); };
+  const ReadPacked read = [&](std::size_t) { return std::exchange(message, {}); };
   const Write write = [&](std::string_view bytes) {
     if (out.size() + bytes.size() > kMostChunkBytes) {
       throw_bad_input("'" + file + "' is damaged: a message has no end");
@@ -197,12 +219,6 @@ void unpack_file(const std::filesystem::path& packed,
 #ifdef PIRT_ZSTD
   const RandomFile from(packed);
   std::ofstream to(plain, std::ios::binary);
-  std::uint64_t at = 0;
-  const Read read = [&](std::size_t most) {
-    std::string piece = from.read(at, std::min<std::uint64_t>(most, from.size() - at));
-    at += piece.size();
-    return piece;
-  };
   const auto head = from.read(0, std::min<std::uint64_t>(from.size(), 18));
   const auto says = ZSTD_getFrameContentSize(head.data(), head.size());
   const auto need = says < ZSTD_CONTENTSIZE_ERROR ? std::uint64_t{says} : from.size();
@@ -218,7 +234,7 @@ void unpack_file(const std::filesystem::path& packed,
   const Write write = [&](std::string_view bytes) {
     if (!to.write(bytes.data(), static_cast<std::streamsize>(bytes.size()))) check_room(1);
   };
-  if (!unpack_zstd(read, write)) {
+  if (!unpack_zstd(from.pieces(0, from.size()), write)) {
     throw_bad_input("'" + packed.string() + "' is damaged: it does not unpack. Copy it again");
   }
   if (!to.flush()) check_room(1);

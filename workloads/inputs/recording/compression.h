@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -14,9 +15,13 @@ namespace pirt {
 /// it.
 void check_compression(std::string_view name, const std::string& file);
 
+/// Gives the bytes that follow, fewer than asked for only at their end.
+using ReadPacked = std::function<std::string(std::size_t most)>;
+
+/// What is packed is read piece by piece, so that it is never there as a whole.
 /// @param size  Of what comes out.
 /// @throws Error{kBadInput} if the bytes are damaged.
-[[nodiscard]] std::string unpack(std::string_view name, const std::string& packed, std::size_t size,
+[[nodiscard]] std::string unpack(std::string_view name, const ReadPacked& packed, std::size_t size,
                                  const std::string& file);
 
 /// The best of those that pirt was built with.

@@ -14,6 +14,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/system/temporary.h"
+#include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
 #include "workloads/inputs/recording/compression.h"
 #include "workloads/inputs/recording/random_file.h"
@@ -35,8 +36,12 @@ class Database {
     if (code != SQLITE_OK) fail();
   }
   [[noreturn]] void fail() const {
+    const bool is_damaged = handle_ && sqlite3_errcode(handle_.get()) == SQLITE_CORRUPT;
     throw_bad_input("'" + file_ + "' is no whole recording of ROS 2: " +
-                    (handle_ ? sqlite3_errmsg(handle_.get()) : "no memory"));
+                    (handle_ ? sqlite3_errmsg(handle_.get()) : "no memory") +
+                    (is_damaged ? "; copy it again, or save what is whole: sqlite3 " +
+                                      path_in_shell(file_) + " .recover | sqlite3 saved.db3"
+                                : ""));
   }
   [[nodiscard]] sqlite3* get() const { return handle_.get(); }
 
@@ -107,8 +112,9 @@ std::string immutable_uri(const fs::path& file) {
 
 class Db3 final : public Recording {
  public:
-  explicit Db3(const fs::path& file) : Recording(file.string()) {
-    static_cast<void>(RandomFile(file));  // refuses what is empty, no file, or a pointer
+  Db3(const fs::path& file, const Opening& as)
+      : Recording(as.name.empty() ? file.string() : as.name) {
+    static_cast<void>(RandomFile(file, file_));  // refuses what is empty, no file, or a pointer
     open(file);
     guard();
     std::map<std::int64_t, std::size_t> topics;
@@ -252,7 +258,9 @@ class Db3Writer final : public RecordingWriter {
 
 }  // namespace
 
-std::unique_ptr<Recording> open_db3(const fs::path& file) { return std::make_unique<Db3>(file); }
+std::unique_ptr<Recording> open_db3(const fs::path& file, const Opening& as) {
+  return std::make_unique<Db3>(file, as);
+}
 
 std::unique_ptr<RecordingWriter> make_db3(const fs::path& file) {
   return std::make_unique<Db3Writer>(file);

@@ -65,8 +65,10 @@ struct Message {
 
 class Mcap final : public Recording {
  public:
-  Mcap(const std::filesystem::path& file, std::uint64_t checked_bytes)
-      : Recording(file.string()), bytes_(file) {
+  Mcap(const std::filesystem::path& file, std::uint64_t checked_bytes, const Opening& as)
+      : Recording(as.name.empty() ? file.string() : as.name),
+        bytes_(file, file_),
+        unpacked_(as.unpacked) {
     const auto magic = kMagic;
     if (bytes_.size() < magic.size() || bytes_.read(0, magic.size()) != magic) {
       fail("is no MCAP recording, version 0: its magic number is another one");
@@ -220,16 +222,20 @@ class Mcap final : public Recording {
     return chunk;
   }
 
-  [[nodiscard]] std::string unpacked(const Chunk& chunk) const {
+  [[nodiscard]] ChunkCache::Content unpacked(std::uint64_t number) const {
+    const Chunk& chunk = chunks_[number];
     check_compression(chunk.compression, file_);
-    std::string content = bytes_.read(chunk.data_at, chunk.packed);
-    if (chunk.compression != "none") {
-      content = unpack(chunk.compression, content, chunk.size, file_);
-    }
-    if (chunk.crc != 0 && crc_of(content) != chunk.crc) {
-      fail_at(chunk.data_at, "the checksum of a chunk is wrong");
-    }
-    return content;
+    const bool is_packed = chunk.compression != "none";
+    return unpacked_->get(this, number, is_packed ? chunk.size : chunk.packed, [&] {
+      std::string content =
+          is_packed ? unpack(chunk.compression, bytes_.pieces(chunk.data_at, chunk.packed),
+                             chunk.size, file_)
+                    : bytes_.read(chunk.data_at, chunk.packed);
+      if (chunk.crc != 0 && crc_of(content) != chunk.crc) {
+        fail_at(chunk.data_at, "the checksum of a chunk is wrong");
+      }
+      return content;
+    });
   }
 
   /// False if a channel's schema is not known.
@@ -351,19 +357,21 @@ class Mcap final : public Recording {
   void read_chunk(std::uint64_t at, std::uint64_t size) {
     const auto chunk = chunk_of(bytes_.read(at, std::min(size, kMostChunkHead)), at, size);
     if (!chunk) fail_at(at, "a chunk ends within a field, or is larger than 96 MiB");
-    std::string content;
+    const std::uint64_t number = chunks_.size();
+    chunks_.push_back(*chunk);
+    ChunkCache::Content kept;
     try {
-      content = unpacked(*chunk);
+      kept = unpacked(number);
     } catch (const Error& error) {
+      chunks_.pop_back();
       if (error.code() != ErrorCode::kBadInput) throw;
       warnings_.push_back(fmt::format("a chunk of {} bytes at byte {} is left out: {}",
                                       chunk->packed, at, error.what()));
       return;
     }
-    const std::uint64_t number = chunks_.size();
-    chunks_.push_back(*chunk);
+    const std::string_view content = *kept;
     for (std::uint64_t offset = 0; offset < content.size();) {
-      const auto rest = std::string_view(content).substr(offset);
+      const auto rest = content.substr(offset);
       const auto inner = rest.size() < kRecordHead ? 0 : Fields(rest.substr(1)).u64();
       if (rest.size() < kRecordHead || inner > rest.size() - kRecordHead) {
         fail_at(at, "a chunk ends within a record");
@@ -425,7 +433,7 @@ class Mcap final : public Recording {
       const auto wanted = std::min(size, is_head ? kMessageHead + most : size);
       return data_of(bytes_.read(at + kRecordHead, wanted), at);
     }
-    const auto content = unpacked_.get(place.at, [&] { return unpacked(chunk); });
+    const auto content = unpacked(place.at);
     const auto rest = std::string_view(*content).substr(std::min(place.part, content->size()));
     const auto size = message_size(rest, rest.size(), chunk.data_at);
     return data_of(rest.substr(kRecordHead, size), chunk.data_at);
@@ -441,15 +449,15 @@ class Mcap final : public Recording {
   std::map<std::uint16_t, std::size_t> channels_;  ///< Positions of topics.
   std::vector<Chunk> chunks_;
   std::uint64_t undescribed_ = 0;  ///< Messages.
-  mutable ChunkCache unpacked_;
+  std::shared_ptr<ChunkCache> unpacked_;
 };
 
 }  // namespace
 }  // namespace mcap
 
-std::unique_ptr<Recording> open_mcap(const std::filesystem::path& file,
-                                     std::uint64_t checked_bytes) {
-  return std::make_unique<mcap::Mcap>(file, checked_bytes);
+std::unique_ptr<Recording> open_mcap(const std::filesystem::path& file, std::uint64_t checked_bytes,
+                                     const Opening& as) {
+  return std::make_unique<mcap::Mcap>(file, checked_bytes, as);
 }
 
 }  // namespace pirt

@@ -8,14 +8,16 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
 
-RandomFile::RandomFile(const std::filesystem::path& file)
-    : name_(file.string()), fd_(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
+RandomFile::RandomFile(const std::filesystem::path& file, std::string name)
+    : name_(name.empty() ? file.string() : std::move(name)),
+      fd_(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
   struct stat about {};
   if (fd_.get() < 0 || ::fstat(fd_.get(), &about) != 0) {
     throw_bad_input("'" + name_ + "' cannot be read: " + std::strerror(errno));
@@ -44,6 +46,15 @@ std::string RandomFile::read(std::uint64_t at, std::uint64_t count) const {
     done += static_cast<std::size_t>(got);
   }
   return bytes;
+}
+
+std::function<std::string(std::size_t)> RandomFile::pieces(std::uint64_t at,
+                                                           std::uint64_t count) const {
+  return [this, at, end = at + count](std::size_t most) mutable {
+    std::string piece = read(at, std::min<std::uint64_t>(most, end - at));
+    at += piece.size();
+    return piece;
+  };
 }
 
 }  // namespace pirt

@@ -2,12 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "workloads/base/system/file_descriptor.h"
 
@@ -16,11 +16,15 @@ namespace pirt {
 class RandomFile {
  public:
   /// @throws Error{kBadInput} if it cannot be read, is empty, or a pointer of Git LFS.
-  explicit RandomFile(const std::filesystem::path& file);
+  /// @param name  For messages; empty = the file's.
+  explicit RandomFile(const std::filesystem::path& file, std::string name = {});
 
   [[nodiscard]] std::uint64_t size() const { return size_; }
   /// @throws Error{kBadInput} if it ends before that.
   [[nodiscard]] std::string read(std::uint64_t at, std::uint64_t count) const;
+  /// The same piece by piece; for as long as this is there.
+  [[nodiscard]] std::function<std::string(std::size_t most)> pieces(std::uint64_t at,
+                                                                    std::uint64_t count) const;
 
  private:
   std::string name_;
@@ -28,36 +32,51 @@ class RandomFile {
   std::uint64_t size_ = 0;
 };
 
-/// A chunk is some hundred kilobytes; what says that it is more than this is damaged. Packed and
-/// unpacked, with those that are kept, it takes twice as much and a little.
+/// A chunk is some hundred kilobytes; what says that it is more than this is damaged.
 inline constexpr std::uint64_t kMostChunkBytes = std::uint64_t{96} << 20;
 
-/// What was unpacked last: messages are asked for one after the other, of a few topics.
+/// What was unpacked last, of all parts of a recording. Messages are asked for one after the other,
+/// of a few topics: first of all pictures their heads, which have the stamps, then picture by
+/// picture. What is no larger unpacked than the largest chunk is unpacked once; more is unpacked
+/// for either, since what was kept until then would have no end.
 class ChunkCache {
  public:
   using Content = std::shared_ptr<const std::string>;
+  /// @param file   Whose chunk it is.
+  /// @param bytes  What it takes, up to kMostChunkBytes: it is made room for before.
   template <typename Unpack>
-  [[nodiscard]] Content get(std::uint64_t chunk, const Unpack& unpack) {
+  [[nodiscard]] Content get(const void* file, std::uint64_t chunk, std::uint64_t bytes,
+                            const Unpack& unpack) {
     const std::lock_guard lock(mutex_);
-    for (std::size_t i = 0; i < kept_.size(); ++i) {
-      if (kept_[i].first == chunk) return kept_[i].second;
+    for (const Kept& each : kept_) {
+      if (each.chunk == chunk && each.file == file) return each.content;
     }
-    auto content = std::make_shared<const std::string>(unpack());
+    while (!kept_.empty() && bytes_ + bytes > kMostChunkBytes) {
+      bytes_ -= kept_.front().content->size();
+      kept_.pop_front();
+    }
+    const auto content = std::make_shared<const std::string>(unpack());
     bytes_ += content->size();
-    while (!kept_.empty() && bytes_ > kMostBytes) {
-      bytes_ -= kept_.front().second->size();
-      kept_.erase(kept_.begin());
-    }
-    kept_.emplace_back(chunk, content);
+    kept_.push_back({file, chunk, content});
     return content;
   }
 
  private:
-  static constexpr std::size_t kMostBytes = std::size_t{32} << 20;
-
+  struct Kept {
+    const void* file;
+    std::uint64_t chunk;
+    Content content;
+  };
   std::mutex mutex_;
-  std::vector<std::pair<std::uint64_t, Content>> kept_;  ///< The oldest first.
+  std::deque<Kept> kept_;  ///< The oldest first.
   std::size_t bytes_ = 0;
+};
+
+/// How a file of a recording is opened.
+struct Opening {
+  /// For messages; empty = the file's. What was packed as a whole has another than its file.
+  std::string name = {};
+  std::shared_ptr<ChunkCache> unpacked = std::make_shared<ChunkCache>();  ///< Of all parts.
 };
 
 }  // namespace pirt

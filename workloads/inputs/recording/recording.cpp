@@ -17,12 +17,22 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool ends_as_recording(const fs::path& file) {
-  const std::string name = file.filename().string();
-  const std::vector<std::string_view> known = {".bag", ".db3", ".mcap", ".db3.zstd", ".mcap.zstd"};
-  return !name.starts_with('.') &&
-         std::ranges::any_of(known, [&](auto ending) { return name.ends_with(ending); });
+/// "db3" of "flight.DB3": some file systems have capitals alone. A recorder that was killed leaves
+/// ".active" behind the name.
+std::string kind_of(const fs::path& file) {
+  std::string name = file.filename().string();
+  std::ranges::transform(name, name.begin(),
+                         [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
+  if (name.starts_with('.')) return "";
+  constexpr std::string_view kActive = ".active";
+  if (name.ends_with(kActive)) name.resize(name.size() - kActive.size());
+  for (const char* known : {"bag", "db3", "mcap", "db3.zstd", "mcap.zstd", "db3.zst", "mcap.zst"}) {
+    if (name.ends_with(std::string(".") + known)) return known;
+  }
+  return "";
 }
+
+bool ends_as_recording(const fs::path& file) { return !kind_of(file).empty(); }
 
 std::vector<fs::path> recordings_in(const fs::path& folder) {
   std::vector<fs::path> found;
@@ -34,60 +44,58 @@ std::vector<fs::path> recordings_in(const fs::path& folder) {
   return found;
 }
 
+constexpr const char* kMetadataKey = "rosbag2_bagfile_information";
+
 /// Those that metadata.yaml names, in its order. Old ones name the folder, too.
 std::vector<fs::path> parts_of(const fs::path& folder) {
   const fs::path metadata = folder / "metadata.yaml";
   std::vector<fs::path> parts;
   std::error_code failed;
   if (!fs::exists(metadata, failed)) return parts;
-  const auto root =
-      parse_yaml(metadata.string(), read_text(metadata)).at("rosbag2_bagfile_information");
+  const auto root = parse_yaml(metadata.string(), read_text(metadata)).at(kMetadataKey);
   if (!root.has("relative_file_paths")) return parts;
   for (const auto& item : root.at("relative_file_paths").items()) {
     const fs::path named = folder / fs::path(item.text()).filename();
-    const fs::path packed = named.string() + ".zstd";
-    if (!fs::exists(named, failed) && !fs::exists(packed, failed)) {
+    // Somebody may have packed or unpacked it since.
+    const fs::path others[] = {named, named.string() + ".zstd",
+                               named.extension() == ".zstd" ? folder / named.stem() : named};
+    const auto* const found = std::ranges::find_if(
+        others, [&failed](const fs::path& each) { return fs::exists(each, failed); });
+    if (found == std::end(others)) {
       item.fail("the part '" + named.string() + "' is missing; copy the whole folder");
     }
-    parts.push_back(fs::exists(named, failed) ? named : packed);
+    parts.push_back(*found);
   }
   return parts;
 }
 
-/// What was packed as a whole, for as long as it is read.
-class UnpackedFile final : public Recording {
- public:
-  explicit UnpackedFile(const fs::path& packed)
-      : Recording(packed.string()), folder_(fs::temp_directory_path() / "pirt-recording") {
-    const fs::path plain = folder_.path() / packed.filename().stem();
-    unpack_file(packed, plain);
-    content_ = open_recording(plain);
-    topics_ = content_->topics();
-    for (std::size_t topic = 0; topic < topics_.size(); ++topic) {
-      for (std::size_t i = 0; i < topics_[topic].places.size(); ++i) {
-        topics_[topic].places[i].at = topic;
-        topics_[topic].places[i].part = i;
-      }
-    }
-    warnings_ = content_->warnings();
+[[nodiscard]] std::unique_ptr<Recording> open_file(const fs::path& file, const Opening& as) {
+  const std::string kind = kind_of(file);
+  if (kind == "bag") return open_bag(file, as);
+  if (kind == "db3") return open_db3(file, as);
+  if (kind == "mcap") return open_mcap(file, kCheckedBytes, as);
+  if (kind.empty()) {
+    throw_bad_input("'" + file.string() +
+                    "' is no recording that is known: .bag of ROS 1, .db3 and .mcap of ROS 2, the "
+                    "last two also with .zstd behind");
   }
-
- private:
-  [[nodiscard]] std::string load(const Topic::Place& place, std::uint64_t most) const override {
-    return content_->message(place.at, place.part, most);
-  }
-
-  TemporaryFolder folder_;
-  std::unique_ptr<Recording> content_;
-};
+  // Packed as a whole, and unpacked for as long as it is read.
+  auto folder = std::make_unique<TemporaryFolder>(fs::temp_directory_path() / "pirt-recording");
+  const fs::path plain = folder->path() / file.filename().stem();
+  unpack_file(file, plain);
+  auto content = open_file(plain, {file.string(), as.unpacked});
+  content->own(std::move(folder));
+  return content;
+}
 
 /// The parts of one recording, as one.
 class Joined final : public Recording {
  public:
   Joined(const fs::path& folder, const std::vector<fs::path>& parts) : Recording(folder.string()) {
+    const Opening as;  // what is unpacked is kept of all of them together
     for (const fs::path& part : parts) {
       const std::uint64_t number = parts_.size();
-      parts_.push_back(open_recording(part));
+      parts_.push_back(open_file(part, as));
       const auto& topics = parts_.back()->topics();
       for (std::size_t i = 0; i < topics.size(); ++i) {
         auto& places = topics_[add({.name = topics[i].name,
@@ -230,8 +238,11 @@ void Recording::fail(const std::string& problem) const {
 
 bool names_a_recording(const fs::path& path) {
   std::error_code failed;
-  if (fs::is_directory(path, failed)) return !recordings_in(path).empty();
-  return ends_as_recording(path);
+  if (!fs::is_directory(path, failed)) return ends_as_recording(path);
+  if (!recordings_in(path).empty()) return true;
+  const fs::path metadata = path / "metadata.yaml";
+  return fs::is_regular_file(metadata, failed) &&
+         read_text(metadata).find(kMetadataKey) != std::string::npos;
 }
 
 std::unique_ptr<Recording> open_recording(const fs::path& path) {
@@ -247,19 +258,20 @@ std::unique_ptr<Recording> open_recording(const fs::path& path) {
             path.string(), parts.size()));
       }
     }
-    if (parts.size() == 1) return open_recording(parts.front());
-    return std::make_unique<Joined>(path, parts);
+    std::unique_ptr<Recording> recording;
+    if (parts.size() == 1) {
+      recording = open_recording(parts.front());
+    } else {
+      recording = std::make_unique<Joined>(path, parts);
+    }
+    for (const fs::path& each : recordings_in(path)) {
+      if (std::ranges::find(parts, each) != parts.end()) continue;
+      recording->warn("'" + each.string() + "' is not read: metadata.yaml does not name it");
+    }
+    return recording;
   }
   if (!fs::exists(path, failed)) throw_bad_input("there is no recording '" + path.string() + "'");
-  const auto extension = path.extension();
-  if (extension == ".bag") return open_bag(path);
-  if (extension == ".db3") return open_db3(path);
-  if (extension == ".mcap") return open_mcap(path);
-  if (ends_as_recording(path)) return std::make_unique<UnpackedFile>(path);
-  throw_bad_input(
-      "'" + path.string() +
-      "' is no recording that is known: .bag of ROS 1, .db3 and .mcap of ROS 2, the last "
-      "two also with .zstd behind");
+  return open_file(path, {});
 }
 
 }  // namespace pirt

@@ -10,9 +10,12 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
+#include "workloads/base/system/temporary.h"
 #include "workloads/base/time.h"
+#include "workloads/inputs/recording/random_file.h"
 #include "workloads/inputs/recording/wire.h"
 
 namespace pirt {
@@ -59,6 +62,7 @@ class Recording {
   [[nodiscard]] std::string describe() const;
   /// What a user should know of it: what is damaged and left out.
   [[nodiscard]] const std::vector<std::string>& warnings() const { return warnings_; }
+  void warn(std::string warning) { warnings_.push_back(std::move(warning)); }
   /// What MCAP holds besides messages.
   [[nodiscard]] std::size_t attachments() const { return attachments_; }
   [[nodiscard]] std::size_t metadata() const { return metadata_; }
@@ -82,6 +86,8 @@ class Recording {
   [[nodiscard]] Nanos time(std::size_t topic, std::size_t index) const {
     return topics_[topic].places[index].time;
   }
+  /// What it lies in goes with it.
+  void own(std::unique_ptr<TemporaryFolder> folder) { folder_ = std::move(folder); }
   /// Reads a message; @p bytes, which message() gave, has to stay.
   [[nodiscard]] WireReader reader(std::size_t topic, std::size_t index,
                                   std::string_view bytes) const;
@@ -99,6 +105,9 @@ class Recording {
   std::vector<Topic> topics_;
   std::vector<std::string> warnings_;
   std::size_t attachments_ = 0, metadata_ = 0;
+
+ private:
+  std::unique_ptr<TemporaryFolder> folder_;
 };
 
 /// Whether a definition's std_msgs/Header counts; what has none is as @p otherwise says.
@@ -115,13 +124,16 @@ class Recording {
 [[nodiscard]] std::unique_ptr<Recording> open_recording(const std::filesystem::path& path);
 
 /// Of each kind, as open_recording.
-[[nodiscard]] std::unique_ptr<Recording> open_bag(const std::filesystem::path& file);
-[[nodiscard]] std::unique_ptr<Recording> open_db3(const std::filesystem::path& file);
+[[nodiscard]] std::unique_ptr<Recording> open_bag(const std::filesystem::path& file,
+                                                  const Opening& as = {});
+[[nodiscard]] std::unique_ptr<Recording> open_db3(const std::filesystem::path& file,
+                                                  const Opening& as = {});
+inline constexpr std::uint64_t kCheckedBytes = std::uint64_t{64} << 20;
 /// @param checked_bytes  Up to this size all checksums are verified, and what is not whole is found
 /// when it is opened; of larger ones with an index each chunk's when it is read.
 [[nodiscard]] std::unique_ptr<Recording> open_mcap(const std::filesystem::path& file,
-                                                   std::uint64_t checked_bytes = std::uint64_t{64}
-                                                                                 << 20);
+                                                   std::uint64_t checked_bytes = kCheckedBytes,
+                                                   const Opening& as = {});
 
 /// Makes a recording, which has its name when it is complete.
 class RecordingWriter {
