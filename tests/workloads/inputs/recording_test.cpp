@@ -182,7 +182,7 @@ class OwnRecording : public testing::Test {
                 WireFormat::kRos1));
   }
   void add_info(const std::string& topic, const std::string& lens = "plumb_bob",
-                std::vector<double> d = {}) {
+                std::vector<double> d = {0}) {
     CameraInfoMessage info;
     info.width = info.height = 16;
     info.distortion_model = lens;
@@ -235,6 +235,14 @@ TEST_F(OwnRecording, RefusesALensThatItDoesNotKnow) {
   add_info("/camera/camera_info", "fov", {0.1});
   add_picture("/camera/image_raw", "mono8", 16, 16, std::string(256, 'a'));
   EXPECT_THAT(problem(), AllOf(HasSubstr("'fov'"), HasSubstr("plumb_bob")));
+}
+
+TEST_F(OwnRecording, SaysThatALensIsNotKnown) {
+  add_info("/camera/camera_info", "plumb_bob", {});
+  add_picture("/camera/image_raw", "mono8", 16, 16, std::string(256, 'a'));
+  EXPECT_THAT(read().warnings,
+              ElementsAre(AllOf(HasSubstr("/camera/camera_info"), HasSubstr("D is empty"),
+                                HasSubstr("--calibration"))));
 }
 
 TEST_F(OwnRecording, NeedsPictures) {
@@ -305,6 +313,23 @@ TEST_F(OwnRecording, LeavesOutTruthThatWasLostAndTransformsThatNobodyFilled) {
   EXPECT_THAT(sequence.warnings,
               testing::Contains(AllOf(HasSubstr("2 of 6 messages of /truth are left out"),
                                       HasSubstr("message 3 of /truth"))));
+}
+
+TEST_F(OwnRecording, LeavesOutMessagesThatAreNone) {
+  add_info("/camera/camera_info");
+  for (int i = 0; i < 5; ++i) {
+    written_ = from_ms(50.0 * (i + 1)).count();
+    if (i == 2) {
+      add("/camera/image_raw", ImageMessage::kType, "");
+    } else {
+      add_picture("/camera/image_raw", "mono8", 16, 16, std::string(256, static_cast<char>(i)));
+    }
+  }
+  const Sequence sequence = read();
+  ASSERT_EQ(sequence.frames.size(), 4U);
+  EXPECT_THAT(sequence.image(2, 0).pixels, testing::Each(3));
+  EXPECT_THAT(sequence.warnings,
+              testing::Contains(HasSubstr("1 of 5 messages of /camera/image_raw are left out")));
 }
 
 TEST_F(OwnRecording, TakesTheTimeOfRecordingWhereMessagesHaveNone) {

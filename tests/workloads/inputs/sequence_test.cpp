@@ -10,10 +10,12 @@
 #include <cmath>
 #include <fstream>
 #include <opencv2/calib3d.hpp>
+#include <utility>
 
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
 #include "tests/workloads/inputs/sequence_support.h"
+#include "workloads/base/text/text.h"
 #include "workloads/inputs/pictures/decoder.h"
 #include "workloads/inputs/sequence/trajectory.h"
 #include "workloads/vision/vision.h"
@@ -185,6 +187,12 @@ TEST_F(SpoiledEuroc, IsReadAsTumViHasIt) {
   ASSERT_EQ(given.truth.size(), good.truth.size());
   EXPECT_LT(std::chrono::abs(given.truth[9].time - good.truth[9].time), Nanos(1000));
   EXPECT_TRUE(given.truth[9].body.position.isApprox(good.truth[9].body.position, 1e-6));
+  for (StampedPose& each : way) each.body.position *= 1000;
+  put(folder_ / "truth.txt", tum_text(way));
+  EXPECT_THAT(read_sequence(folder_,
+                            {.calibration = folder_ / "chain.yaml", .truth = folder_ / "truth.txt"})
+                  .warnings,
+              testing::Contains(HasSubstr("are these millimetres?")));
   put(folder_ / "truth.txt", "1.5 0 0 0 0 0 0 2\n");
   EXPECT_THAT(bad_input([&] {
                 static_cast<void>(read_sequence(folder_, {.calibration = folder_ / "chain.yaml",
@@ -219,6 +227,34 @@ TEST_F(SpoiledEuroc, RefusesRowsThatAreCutOffOrNoNumbers) {
   EXPECT_THAT(problem(), testing::AllOf(HasSubstr("data.csv:10"), HasSubstr("6 columns")));
   edit("imu0/data.csv", row("imu0/data.csv", 9), whole.substr(0, whole.rfind(',')) + ",nan");
   EXPECT_THAT(problem(), testing::AllOf(HasSubstr("data.csv:10"), HasSubstr("column 7")));
+}
+
+TEST_F(SpoiledEuroc, IsReadAsSpreadsheetsWriteIt) {
+  const Sequence good = read_sequence(folder_);
+  const auto rewrite = [this](const std::string& file, auto each) {
+    const fs::path path = folder_ / "mav0" / file / "data.csv";
+    std::string text;
+    for (std::string line : split(text_of(path), '\n')) text += each(std::move(line)) + "\n";
+    put(path, text);
+  };
+  rewrite("cam0", [](std::string line) {
+    const auto comma = line.find(',');
+    return line.starts_with('#') || line.empty()
+               ? "timestamp [ns],filename"
+               : "\"" + line.substr(0, comma) + "\", \"" + line.substr(comma + 1) + "\"";
+  });
+  // One heading, not one in the midst of it.
+  EXPECT_THAT(problem(), testing::AllOf(HasSubstr("column 1"), HasSubstr("timestamp")));
+  rewrite("cam0", [first = true](std::string line) mutable {
+    return std::exchange(first, false) || !line.starts_with('t') ? line : std::string();
+  });
+  EXPECT_EQ(read_sequence(folder_).frames.size(), good.frames.size());
+  rewrite("imu0", [](std::string line) {
+    std::ranges::replace(line, ',', ';');
+    return line;
+  });
+  EXPECT_THAT(problem(), testing::AllOf(HasSubstr("data.csv:2"), HasSubstr("1 columns"),
+                                        HasSubstr("separated by commas")));
 }
 
 TEST_F(SpoiledEuroc, NoticesDegreesAndG) {
@@ -375,6 +411,8 @@ TEST_F(MadeKitti, TakesProjectionsByTheirLabels) {
   add("image_1", {"1"});
   calibrate("P1:", "P0:");
   EXPECT_NEAR(read().cameras[0].body_from_camera.position.x(), 0.2, 1e-12);
+  calibrate("P0:\t", "P1:\t");
+  EXPECT_NEAR(read().cameras[1].body_from_camera.position.x(), 0.2, 1e-12);
   calibrate("P2:", "P1:");
   EXPECT_THAT(bad_input([this] { static_cast<void>(read()); }), HasSubstr("has no P0"));
 }

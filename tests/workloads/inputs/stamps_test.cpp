@@ -139,8 +139,13 @@ TEST_F(Info, IsReadAsThePicturesAre) {
   EXPECT_TRUE(raw.pose_of(raw).rotation.isIdentity());
   EXPECT_TRUE(rectified.pose_of(rectified).position.isApprox(Eigen::Vector3d(0.2, 0, 0)));
   EXPECT_TRUE(rectified.pose_of(raw).rotation.isApprox(raw.rectified_from_raw));
-  info_.p.assign(12, 0);
+  info_.p[0] = 3;
   EXPECT_THAT(bad_input([this] { static_cast<void>(camera(true)); }), HasSubstr("in P"));
+  info_.p.assign(12, 0), info_.k.assign(9, 0);
+  EXPECT_THAT(bad_input([this] { static_cast<void>(camera(true)); }),
+              AllOf(HasSubstr("not calibrated (P[0]"), HasSubstr("--calibration")));
+  EXPECT_THAT(bad_input([this] { static_cast<void>(camera(false)); }),
+              AllOf(HasSubstr("not calibrated (K[0]"), HasSubstr("--calibration")));
 }
 
 TEST_F(Info, OfAPartOfTheSensorIsBroughtToThePicture) {

@@ -114,6 +114,13 @@ InfoCamera camera_of(const WireReader& in, const CameraInfoMessage& message, boo
   // Who publishes rectified pictures without P has calibrated none of it.
   const auto& from = rectified ? message.p : message.k;
   const std::size_t row = rectified ? 4 : 3;
+  // @source  sensor_msgs/CameraInfo: of a camera that is not calibrated K[0] is 0.
+  if (from[0] == 0) {
+    in.fail(
+        fmt::format("says that the camera is not calibrated ({} is 0): calibrate it, or give a "
+                    "file that has it: --calibration camchain.yaml",
+                    rectified ? "P[0], of rectified pictures," : "K[0]"));
+  }
   const double binning_x = std::max(message.binning_x, 1);
   const double binning_y = std::max(message.binning_y, 1);
   const int width = message.roi_width > 0 ? message.roi_width : message.width;

@@ -165,7 +165,9 @@ class Reader {
   /// Those of all topics that are used, in one pass.
   void read_messages() {
     constexpr std::uint64_t kHead = 4096;
-    using Read = std::function<void(WireReader&)>;
+    // What opening gives need not be a message at all.
+    using Open = std::function<WireReader()>;
+    using Read = std::function<void(const Open&)>;
     std::vector<Recording::Wanted> wanted;
     std::map<std::size_t, Read> reads;
     const auto read = [&](std::size_t id, std::uint64_t most, Read by) {
@@ -173,23 +175,29 @@ class Reader {
       reads[id] = std::move(by);
     };
     for (const std::size_t id : recording_->of_type(TransformMessage::kType)) {
-      read(id, Recording::kWhole, [this, id](WireReader& in) {
+      read(id, Recording::kWhole, [this, id](const Open& open) {
         if_usable(id, [&] {
+          auto in = open();
           transforms_.add(read_transforms(in), topic(id).name.ends_with("tf_static"));
         });
       });
     }
     for (Camera& camera : cameras_) {
-      read(camera.topic, kHead, [&camera](WireReader& in) {
-        const MessageHead head = read_head(in);
-        if (camera.pictures.empty()) camera.frame = head.frame;
-        camera.pictures.push_back({head.time, camera.pictures.size()});
+      read(camera.topic, kHead, [&camera, this](const Open& open) {
+        auto& picture = camera.pictures.emplace_back(PictureAt{kUnusable, camera.pictures.size()});
+        if_usable(camera.topic, [&] {
+          auto in = open();
+          const MessageHead head = read_head(in);
+          if (camera.frame.empty()) camera.frame = head.frame;
+          picture.time = head.time;
+        });
       });
     }
     for (ImuTopic& imu : imus_) {
-      read(imu.topic, Recording::kWhole, [&imu, this](WireReader& in) {
+      read(imu.topic, Recording::kWhole, [&imu, this](const Open& open) {
         auto& sample = imu.samples.emplace_back(ImuSample{.time = kUnusable});
         if_usable(imu.topic, [&] {
+          auto in = open();
           const auto message = ::pirt::read_imu(in);
           if (imu.frame.empty()) imu.frame = message.head.frame;
           sample = {message.head.time, message.gyro_rad_s, message.accel_m_s2};
@@ -197,9 +205,10 @@ class Reader {
       });
     }
     if (truth_topic_) {
-      read(*truth_topic_, Recording::kWhole, [this](WireReader& in) {
+      read(*truth_topic_, Recording::kWhole, [this](const Open& open) {
         auto& row = sequence_.truth.emplace_back(TruthRow{.time = kUnusable, .body = {}});
         if_usable(*truth_topic_, [&] {
+          auto in = open();
           const auto message = read_pose(in, topic(*truth_topic_).type);
           if (truth_frame_.empty()) truth_frame_ = message.child;
           row = {message.head.time, message.pose};
@@ -207,8 +216,7 @@ class Reader {
       });
     }
     recording_->walk(wanted, [&](std::size_t id, std::size_t index, const std::string& bytes) {
-      auto in = recording_->reader(id, index, bytes);
-      reads.at(id)(in);
+      reads.at(id)([&] { return recording_->reader(id, index, bytes); });
     });
     for (const auto& [id, problem] : unusable_) {
       sequence_.warnings.push_back(fmt::format("{} of {} messages of {} are left out: {}",
@@ -236,8 +244,10 @@ class Reader {
     }
     std::ranges::sort(found);
     if (found.empty()) {
+      // What was left out of it says why.
       fail("has no pictures: no topic of sensor_msgs/Image or CompressedImage; it has " +
-           recording_->describe());
+           recording_->describe() + (recording_->warnings().empty() ? "" : "; ") +
+           join(recording_->warnings(), "; "));
     }
     if (found.size() == 1) return found;
     std::vector<std::size_t> usable;
@@ -339,6 +349,14 @@ class Reader {
     auto in = recording_->reader(*info, 0, bytes);
     const auto message = read_camera_info(in);
     camera.calibrated = camera_of(in, message, is_rectified(name));
+    // As image_geometry takes it; a simulated camera has none, but a driver may not know it.
+    if (message.d.empty() && !is_rectified(name)) {
+      sequence_.warnings.push_back(
+          fmt::format("{} says nothing of a lens (D is empty), and {} is taken to have none; if "
+                      "straight lines are bent in its pictures, give their calibration: "
+                      "--calibration camchain.yaml",
+                      topic(*info).name, name));
+    }
   }
 
   struct Inertial {

@@ -55,6 +55,18 @@ void find_gaps(const std::vector<Row>& rows, const std::string& what,
 void judge_truth(const Sequence& sequence, std::vector<std::string>& found) {
   const auto& truth = sequence.truth;
   if (truth.empty() || sequence.frames.empty()) return;
+  constexpr double kFastest_m_s = 100;
+  std::vector<double> speeds;
+  for (std::size_t i = 1; i < truth.size(); ++i) {
+    speeds.push_back((truth[i].body.position - truth[i - 1].body.position).norm() /
+                     to_s(truth[i].time - truth[i - 1].time));
+  }
+  std::ranges::sort(speeds);
+  if (!speeds.empty() && speeds[speeds.size() / 2] > kFastest_m_s) {
+    found.push_back(fmt::format(
+        "truth usually moves at {:.0f} m/s: are these millimetres? Errors against it mean nothing",
+        speeds[speeds.size() / 2]));
+  }
   std::size_t with = 0;
   for (const Frame& frame : sequence.frames) with += truth_at(truth, frame.time) ? 1U : 0U;
   if (2 * with >= sequence.frames.size()) return;
@@ -106,8 +118,9 @@ Sequence read_layout(const fs::path& folder, const ReadOptions& options) {
   }
   if (!fs::is_directory(folder)) {
     throw_bad_input("'" + folder.string() +
-                    "' is no folder; give the folder of a sequence, or a recording of ROS (.bag, "
-                    ".db3, .mcap)");
+                    "' is neither the folder of a sequence nor a recording of ROS (.bag, .db3, "
+                    ".mcap, the last two also with .zstd behind)" +
+                    (fs::exists(folder) ? "" : ": there is nothing of that name"));
   }
   if (fs::exists(folder / "mav0") || fs::exists(folder / "cam0")) {
     return read_euroc(folder, options);

@@ -28,6 +28,8 @@ std::vector<std::string> cells_of(const std::string& line, char separator) {
   std::vector<std::string> cells;
   for (const auto& cell : split(line, separator)) {
     auto text = trimmed(cell);
+    const bool is_quoted = text.size() >= 2 && text.front() == '"' && text.back() == '"';
+    if (is_quoted) text = trimmed(std::string_view(text).substr(1, text.size() - 2));
     if (separator == ' ' && text.empty()) continue;
     cells.push_back(std::move(text));
   }
@@ -38,6 +40,26 @@ std::vector<std::string> cells_of(const std::string& line, char separator) {
 std::string plain(std::string text) {
   if (text.starts_with('+')) text.erase(0, 1);
   return text;
+}
+
+/// Why a row may have fewer columns than it should.
+const char* why_fewer(const std::string& line, char separator) {
+  for (const char other : {',', ';', '\t'}) {
+    if (other == separator || line.find(other) == std::string::npos) continue;
+    return separator == ',' ? "; columns are separated by commas"
+                            : "; columns are separated by blanks";
+  }
+  return "; is the file cut off?";
+}
+
+/// A heading that is not marked as a comment, as spreadsheets and pandas write it.
+bool is_heading(const std::string& cell) {
+  std::string word;
+  for (const char c : cell) {
+    if (std::isalpha(static_cast<unsigned char>(c)) == 0) break;
+    word += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  return !word.empty() && word != "nan" && word != "inf" && word != "infinity";
 }
 
 }  // namespace
@@ -78,18 +100,28 @@ std::vector<TableRow> read_table(const std::filesystem::path& file, char separat
                                  std::size_t columns) {
   std::vector<TableRow> rows;
   int number = 0;
+  bool is_first = true;
   for (const auto& raw : split(read_text(file), '\n')) {
     ++number;
-    const std::string line = trimmed(raw);
+    std::string line = trimmed(raw);
+    if (separator == ' ') std::ranges::replace(line, '\t', ' ');
     if (line.empty() || line.front() == '#') continue;
-    TableRow row(fmt::format("{}:{}", file.string(), number), cells_of(line, separator));
+    auto cells = cells_of(line, separator);
+    if (separator == ',' && is_first && is_heading(cells.front())) {
+      is_first = false;
+      continue;
+    }
+    is_first = false;
+    TableRow row(fmt::format("{}:{}", file.string(), number), std::move(cells));
     if (columns != 0 && row.size() != columns) {
-      row.fail(
-          fmt::format("has {} columns, expected {}; is the file cut off?", row.size(), columns));
+      row.fail(fmt::format("has {} columns, expected {}{}", row.size(), columns,
+                           row.size() < columns ? why_fewer(line, separator) : ""));
     }
     rows.push_back(std::move(row));
   }
-  if (rows.empty()) throw_bad_input(fmt::format("'{}' has no rows", file.string()));
+  if (rows.empty()) {
+    throw_bad_input(fmt::format("'{}' has no rows (lines end in LF, or CR and LF)", file.string()));
+  }
   return rows;
 }
 
