@@ -203,6 +203,7 @@ int run_robot(const RunRobotFlags& options) {
   warn_all(sequence.warnings);
   const auto bad_pictures = leave_out_bad_pictures(sequence);
   if (const auto fit = slam::fit_camera_to_imu(sequence)) warn_all(slam::warnings_of(*fit));
+  warn_all(slam::warnings_of(slam::compare_imu(sequence), sequence));
   LocalizationOptions run;
   run.setup = slam::setup_of(sequence);
   run.setup.update = !options.no_update;

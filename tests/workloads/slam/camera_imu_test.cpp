@@ -6,6 +6,7 @@
 
 #include <cmath>
 
+#include "tests/support/errors.h"
 #include "tests/support/long.h"
 #include "tests/workloads/inputs/sequence_support.h"
 
@@ -68,12 +69,44 @@ TEST(CameraImu, FindsHowTheCameraIsTurned) {
   EXPECT_THAT(warnings_of(*fit), ElementsAre(HasSubstr("degrees from what its calibration says")));
 }
 
+// Of ten flights, with one camera or two, none is below 0.5.
+TEST(CameraImu, FindsAnImuOfTheOppositeSign) {
+  const int seeds = test::repeats(1, 10);
+  for (int seed = 1; seed <= seeds; ++seed) {
+    for (const bool stereo : {true, false}) {
+      SceneOptions options = test::scene(static_cast<std::uint64_t>(seed), 8, stereo);
+      options.width = 320;
+      options.height = 240;
+      Sequence sequence = test::remembering(generate_sequence(options));
+      const ImuAlike alike = compare_imu(sequence);
+      ASSERT_TRUE(alike.accelerations && alike.turns) << seed;
+      std::printf("seed %d, %zu cameras: turns %.2f, accelerations %.2f\n", seed,
+                  sequence.cameras.size(), *alike.turns, *alike.accelerations);
+      EXPECT_GT(*alike.turns, 0.9) << seed;
+      EXPECT_GT(*alike.accelerations, 0.5) << seed;
+      EXPECT_THAT(warnings_of(alike, sequence), IsEmpty());
+      for (ImuSample& sample : sequence.imu) sample.accel_m_s2 *= -1;
+      const ImuAlike down = compare_imu(sequence);
+      EXPECT_THAT(test::bad_input([&] { static_cast<void>(warnings_of(down, sequence)); }),
+                  testing::AllOf(HasSubstr("accelerations are opposite"), HasSubstr("--no-imu")))
+          << seed;
+      for (ImuSample& sample : sequence.imu) sample.accel_m_s2 *= -1, sample.gyro_rad_s *= -1;
+      const ImuAlike back = compare_imu(sequence);
+      EXPECT_THAT(test::bad_input([&] { static_cast<void>(warnings_of(back, sequence)); }),
+                  HasSubstr("the gyroscope turns opposite"))
+          << seed;
+    }
+  }
+}
+
 TEST(CameraImu, SaysNothingWhereNothingTells) {
   SceneOptions options = test::scene(1, 2, false);
   options.path.rest_s = 2;
   options.width = 320;
   options.height = 240;
   EXPECT_FALSE(fit_camera_to_imu(generate_sequence(options)).has_value()) << "at rest";
+  const ImuAlike still = compare_imu(generate_sequence(options));
+  EXPECT_FALSE(still.turns || still.accelerations) << "at rest";
   Sequence blind = flight(1);
   blind.imu.clear();
   EXPECT_FALSE(fit_camera_to_imu(blind).has_value()) << "without an IMU";

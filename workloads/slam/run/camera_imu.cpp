@@ -8,6 +8,8 @@
 #include <limits>
 #include <span>
 
+#include "workloads/base/error.h"
+#include "workloads/slam/run/pipeline.h"
 #include "workloads/slam/views/two_views.h"
 #include "workloads/vision/features.h"
 #include "workloads/vision/pyramid.h"
@@ -43,8 +45,6 @@ class Gyroscope {
   [[nodiscard]] Eigen::Vector3d between(Nanos from, Nanos to, double late_s) const {
     return vector_of(until(from - from_s(late_s)).transpose() * until(to - from_s(late_s)));
   }
-
- private:
   [[nodiscard]] Eigen::Matrix3d until(Nanos time) const {
     const auto after = std::ranges::upper_bound(samples_, time, {}, &ImuSample::time);
     const auto i = static_cast<std::size_t>(
@@ -57,28 +57,22 @@ class Gyroscope {
     return turned_[i - 1] * rotation_of(dt * mean);
   }
 
+ private:
   std::span<const ImuSample> samples_;
   std::vector<Eigen::Matrix3d> turned_;
 };
 
-/// First frames of stretches that do not overlap, where the turn rate changes most from picture to
-/// picture: a steady turn tells no time.
-std::vector<std::size_t> stretches_of(const Sequence& sequence, const Gyroscope& gyroscope) {
-  const auto& frames = sequence.frames;
-  std::vector<double> changes(frames.size(), 0.0);
-  Eigen::Vector3d before = Eigen::Vector3d::Zero();
-  for (std::size_t i = 1; i < frames.size(); ++i) {
-    if (!gyroscope.covers(frames[i - 1].time, frames[i].time)) continue;
-    const Eigen::Vector3d turn = gyroscope.between(frames[i - 1].time, frames[i].time, 0);
-    changes[i] = (turn - before).norm();
-    before = turn;
-  }
+/// First frames of stretches that do not overlap, where what changes from picture to picture
+/// changes most.
+/// @param stretch  How many frames.
+std::vector<std::size_t> stretches_of(const std::vector<double>& changes, std::size_t stretch,
+                                      std::size_t count) {
   std::vector<std::size_t> starts;
-  const std::size_t length = std::min(kStretch, frames.size());
-  while (starts.size() < kStretches) {
+  const std::size_t length = std::min(stretch, changes.size());
+  while (starts.size() < count) {
     double most = 0;
     std::size_t best = 0;
-    for (std::size_t i = 0; i + length <= frames.size(); ++i) {
+    for (std::size_t i = 0; i + length <= changes.size(); ++i) {
       if (std::ranges::any_of(starts,
                               [&](std::size_t s) { return i < s + length && s < i + length; })) {
         continue;
@@ -91,6 +85,20 @@ std::vector<std::size_t> stretches_of(const Sequence& sequence, const Gyroscope&
     starts.push_back(best);
   }
   return starts;
+}
+
+/// Of the turn rate: a steady turn tells no time.
+std::vector<double> changes_of_turn(const Sequence& sequence, const Gyroscope& gyroscope) {
+  const auto& frames = sequence.frames;
+  std::vector<double> changes(frames.size(), 0.0);
+  Eigen::Vector3d before = Eigen::Vector3d::Zero();
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    if (!gyroscope.covers(frames[i - 1].time, frames[i].time)) continue;
+    const Eigen::Vector3d turn = gyroscope.between(frames[i - 1].time, frames[i].time, 0);
+    changes[i] = (turn - before).norm();
+    before = turn;
+  }
+  return changes;
 }
 
 /// How the body turned between two pictures, by them.
@@ -192,7 +200,8 @@ std::optional<CameraImuFit> fit_camera_to_imu(const Sequence& sequence) {
   if (sequence.imu.size() < 3 || sequence.frames.size() <= kChain) return std::nullopt;
   const Gyroscope gyroscope(sequence.imu);
   std::vector<SeenTurn> turns;
-  for (const std::size_t first : stretches_of(sequence, gyroscope)) {
+  for (const std::size_t first :
+       stretches_of(changes_of_turn(sequence, gyroscope), kStretch, kStretches)) {
     see_turns(sequence, first, gyroscope, turns);
   }
   if (turns.size() < kLeastPairs) return std::nullopt;
@@ -232,6 +241,157 @@ std::optional<CameraImuFit> fit_camera_to_imu(const Sequence& sequence) {
       variance * best.information.ldlt().solve(Eigen::Matrix<double, 6, 6>::Identity());
   fit.tilt_sigma_rad = std::sqrt(covariance.topLeftCorner<3, 3>().diagonal().maxCoeff());
   return fit;
+}
+
+namespace {
+
+/// Of the samples within half a picture's period of each frame, body axes; zero where there are
+/// none.
+std::vector<Eigen::Vector3d> forces_of(const Sequence& sequence) {
+  const auto& frames = sequence.frames;
+  const Nanos half = (frames.back().time - frames.front().time) /
+                     (2 * std::max<std::int64_t>(1, std::ssize(frames) - 1));
+  std::vector<Eigen::Vector3d> forces;
+  for (const Frame& frame : frames) {
+    const auto from =
+        std::ranges::lower_bound(sequence.imu, frame.time - half, {}, &ImuSample::time);
+    const auto to = std::ranges::lower_bound(sequence.imu, frame.time + half, {}, &ImuSample::time);
+    Eigen::Vector3d& force = forces.emplace_back(Eigen::Vector3d::Zero());
+    for (auto sample = from; sample < to; ++sample) {
+      force += sample->accel_m_s2 / static_cast<double>(to - from);
+    }
+  }
+  return forces;
+}
+
+/// Pictures alone.
+Sequence part_of(const Sequence& sequence, std::size_t first, std::size_t count) {
+  Sequence part;
+  part.cameras = sequence.cameras;
+  for (std::size_t i = first; i < std::min(first + count, sequence.frames.size()); ++i) {
+    part.frames.push_back(sequence.frames[i]);
+  }
+  part.image = [&sequence, first](std::size_t frame, std::size_t camera) {
+    return sequence.image(first + frame, camera);
+  };
+  return part;
+}
+
+}  // namespace
+
+namespace {
+
+/// Of vectors in pairs.
+class Correlation {
+ public:
+  /// @param centred  Whether what all of them have in common, as gravity, counts for nothing.
+  void add(const std::vector<Eigen::Vector3d>& seen, const std::vector<Eigen::Vector3d>& felt,
+           bool centred) {
+    Eigen::Vector3d seen_mean = Eigen::Vector3d::Zero(), felt_mean = Eigen::Vector3d::Zero();
+    const auto count = static_cast<double>(seen.size());
+    for (std::size_t i = 0; centred && i < seen.size(); ++i) {
+      seen_mean += seen[i] / count, felt_mean += felt[i] / count;
+    }
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+      products_ += (seen[i] - seen_mean).dot(felt[i] - felt_mean);
+      seen_squares_ += (seen[i] - seen_mean).squaredNorm();
+      felt_squares_ += (felt[i] - felt_mean).squaredNorm();
+    }
+    count_ += seen.size();
+  }
+  /// @param least  Of what is felt, root mean square.
+  [[nodiscard]] std::optional<double> value(double least) const {
+    constexpr std::size_t kLeast = 25;
+    const bool tells = count_ >= kLeast && seen_squares_ > 0 &&
+                       felt_squares_ > least * least * static_cast<double>(count_);
+    return tells ? std::optional(products_ / std::sqrt(seen_squares_ * felt_squares_))
+                 : std::nullopt;
+  }
+
+ private:
+  double products_ = 0, seen_squares_ = 0, felt_squares_ = 0;
+  std::size_t count_ = 0;
+};
+
+/// By how much what the IMU feels changes at each frame.
+std::vector<double> changes_of_force(const Sequence& sequence, const Gyroscope& gyroscope,
+                                     const std::vector<Eigen::Vector3d>& forces) {
+  std::vector<double> changes(forces.size(), 0.0);
+  for (std::size_t i = 1; i < forces.size(); ++i) {
+    if (forces[i].isZero() || forces[i - 1].isZero()) continue;
+    const Eigen::Matrix3d turn = gyroscope.until(sequence.frames[i - 1].time).transpose() *
+                                 gyroscope.until(sequence.frames[i].time);
+    changes[i] = (turn * forces[i] - forces[i - 1]).norm();
+  }
+  return changes;
+}
+
+}  // namespace
+
+ImuAlike compare_imu(const Sequence& sequence) {
+  constexpr std::size_t kLength = 50, kCount = 2;  // pictures in a row, and how often
+  constexpr std::size_t kApart = 3;  // pictures; of nearer ones noise is more than accelerations
+  constexpr double kLeastTurn_rad = 0.01, kLeastChange_m_s2 = 0.2;
+  if (sequence.imu.size() < 3 || sequence.frames.size() <= 2 * kApart) return {};
+  const Gyroscope gyroscope(sequence.imu);
+  const auto forces = forces_of(sequence);
+  Correlation turns, accelerations;
+  for (const std::size_t first :
+       stretches_of(changes_of_force(sequence, gyroscope, forces), kLength, kCount)) {
+    const Sequence part = part_of(sequence, first, kLength);
+    RunOptions options;
+    options.setup = setup_of(part);
+    const auto frames = run_serially(part, options).frames;
+    std::vector<Eigen::Vector3d> seen, felt, seen_turns, felt_turns;
+    for (std::size_t i = kApart; i + kApart < frames.size(); ++i) {
+      // As the second difference of places weighs accelerations.
+      Eigen::Vector3d force = Eigen::Vector3d::Zero();
+      bool is_known = true;
+      for (std::size_t k = i - kApart; k <= i + kApart; ++k) {
+        is_known = is_known && frames[k].status == Status::kTracking && !forces[first + k].isZero();
+        const auto weight = static_cast<double>(kApart - (k < i ? i - k : k - i));
+        force += weight / (kApart * kApart) * (frames[k].pose.body.rotation * forces[first + k]);
+      }
+      if (!is_known) continue;
+      const StampedPose& before = frames[i - kApart].pose;
+      const StampedPose& after = frames[i + kApart].pose;
+      const double dt = to_s(after.time - before.time) / 2;
+      seen.push_back(
+          (after.body.position - 2 * frames[i].pose.body.position + before.body.position) /
+          (dt * dt));
+      felt.push_back(force);
+      seen_turns.push_back(vector_of(before.body.rotation.transpose() * after.body.rotation));
+      felt_turns.push_back(gyroscope.between(before.time, after.time, 0));
+    }
+    turns.add(seen_turns, felt_turns, false);
+    accelerations.add(seen, felt, true);
+  }
+  return {turns.value(kLeastTurn_rad), accelerations.value(kLeastChange_m_s2)};
+}
+
+std::vector<std::string> warnings_of(const ImuAlike& alike, const Sequence& sequence) {
+  constexpr double kOpposite = -0.6, kAlike = 0.5;
+  constexpr const char* kWithout = "or leave the IMU out (--no-imu, --topics imu=none)";
+  if (alike.turns && *alike.turns < kOpposite) {
+    throw_bad_input(
+        fmt::format("'{}': the gyroscope turns opposite to the pictures (correlation "
+                    "{:.2f}); negate its three axes, {}",
+                    sequence.name, *alike.turns, kWithout));
+  }
+  const bool turns_fit = !alike.turns || *alike.turns > kAlike;
+  // Turned by a wrong gyroscope, accelerations tell nothing.
+  if (turns_fit && alike.accelerations && *alike.accelerations < kOpposite) {
+    throw_bad_input(fmt::format(
+        "'{}': accelerations are opposite to how the pictures move (correlation {:.2f}): the "
+        "accelerometer says which way gravity pulls; give specific force, which points up at rest "
+        "(negate its three axes), {}",
+        sequence.name, *alike.accelerations, kWithout));
+  }
+  if (turns_fit) return {};
+  return {fmt::format(
+      "the gyroscope turns otherwise than the pictures (correlation {:.2f}): axes of the IMU, or "
+      "how the camera is mounted, are others than is said: give them as they are, {}",
+      *alike.turns, kWithout)};
 }
 
 std::vector<std::string> warnings_of(const CameraImuFit& fit) {

@@ -1,5 +1,6 @@
-// Whether a sequence's pictures and its IMU belong together: their clocks, and how the camera is
-// turned in the body. The filter takes both as given, and localizes worse where they are wrong.
+// Whether a sequence's pictures and its IMU belong together: their clocks, how the camera is turned
+// in the body, and which way accelerations point. The filter takes all of it as given, and
+// localizes worse where it is wrong.
 #pragma once
 
 #include <optional>
@@ -31,5 +32,22 @@ struct CameraImuFit {
 /// What a user should know of it: lateness of more than 5 ms, a tilt of more than a degree, where
 /// they are no chance.
 [[nodiscard]] std::vector<std::string> warnings_of(const CameraImuFit& fit);
+
+/// How an IMU and the pictures say that the body moves: 1 = alike, 0 = one has nothing to do with
+/// the other, -1 = opposite. Absent where it moves too little to tell.
+struct ImuAlike {
+  std::optional<double> turns;  ///< Of the gyroscope.
+  /// Opposite where a device says which way gravity pulls, not what holds the body against it. At
+  /// rest nothing tells: the body may hang upside down.
+  std::optional<double> accelerations;
+};
+
+/// Localizes some 100 pictures from where accelerations change most, without the IMU.
+/// @throws Error as Sequence::image.
+[[nodiscard]] ImuAlike compare_imu(const Sequence& sequence);
+
+/// What a user should know of it.
+/// @throws Error{kBadInput} if one of them is opposite: a path by it would look like one.
+[[nodiscard]] std::vector<std::string> warnings_of(const ImuAlike& alike, const Sequence& sequence);
 
 }  // namespace pirt::slam
