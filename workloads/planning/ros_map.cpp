@@ -100,6 +100,8 @@ MapPicture read_pgm(const fs::path& file, std::string_view bytes) {
     picture.grey.pixels.assign(pixels.begin(), pixels.end());
   } else {
     for (std::size_t i = 0; i < count; ++i) {
+      if (text.at_end())
+        throw_unusable(file, fmt::format("it ends after {} of {} pixels", i, count));
       picture.grey.pixels.push_back(
           static_cast<std::uint8_t>(text.number(0, picture.white, "pixel")));
     }
@@ -217,6 +219,20 @@ void read_place(const YamlNode& root, Grid& grid) {
   grid.yaw_rad = origin[2].number(-2 * std::numbers::pi, 2 * std::numbers::pi);
 }
 
+/// Maps are copied from the machine that made them, whose folders they name.
+fs::path picture_of(const fs::path& yaml, const YamlNode& image) {
+  const std::string says = image.text();
+  const fs::path file = yaml.parent_path() / says;
+  std::error_code failed;
+  if (fs::exists(file, failed)) return file;
+  const auto name = says.substr(says.find_last_of("/\\") + 1);
+  image.fail(fmt::format(
+      "there is no picture '{}'; {}", file.string(),
+      !name.empty() && fs::exists(yaml.parent_path() / name, failed)
+          ? "one of that name lies beside this file: image: " + name
+          : "name it as it is found from this file's folder, / between folders, without ~"));
+}
+
 }  // namespace
 
 Grid read_ros_map(const fs::path& yaml) {
@@ -227,7 +243,7 @@ Grid read_ros_map(const fs::path& yaml) {
   Grid grid;
   read_place(root, grid);
   const Reading reading = read_reading(root);
-  const auto picture = read_picture(yaml.parent_path() / root.at("image").text());
+  const auto picture = read_picture(picture_of(yaml, root.at("image")));
   grid.width = picture.grey.width;
   grid.height = picture.grey.height;
   grid.cells.reserve(picture.grey.pixels.size());

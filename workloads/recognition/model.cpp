@@ -123,6 +123,7 @@ ReadModel read_model(const ModelOptions& options) {
   const Format& format = format_of(options);
   ReadModel read{.bytes = {format.format, read_file(options.model, kMostModelBytes), ""},
                  .preprocess = options.preprocess.value_or(format.preprocess)};
+  if (read.bytes.model.empty()) throw_bad_input("'" + options.model.string() + "' is empty");
   if (options.config) read.bytes.config = read_text(*options.config);
   if (options.names) read.names = read_names(*options.names);
   read.fit = options.fit.value_or(fit_of(format.format, read.bytes.config));

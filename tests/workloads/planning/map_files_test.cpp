@@ -193,14 +193,21 @@ TEST_F(MapFiles, RefusesDamagedRosMaps) {
   EXPECT_THAT(refused("P5\n1000000 1000000\n255\n"), HasSubstr("too many"));
   EXPECT_THAT(refused("P5\n0 1\n255\n"), HasSubstr("its width"));
   EXPECT_THAT(refused("P2 1 1 200 201"), HasSubstr("its pixel"));
+  EXPECT_THAT(refused("P2 2 2 255 1 2 # cut off\n"), HasSubstr("ends after 2 of 4 pixels"));
   EXPECT_THAT(refused("not a picture"), HasSubstr("neither"));
   EXPECT_THAT(refused("P5\n1 1\n255\na", "colour: red\n"), HasSubstr("unknown key"));
   EXPECT_THAT(refused("P5\n1 1\n255\na", "mode: trinarry\n"), HasSubstr("trinary"));
-  write("n.yaml",
-        "image: none.pgm\nresolution: 0.1\norigin: [0, 0, 0]\noccupied_thresh: 0.65\n"
-        "free_thresh: 0.196\n");
-  EXPECT_THAT(bad_input([&] { static_cast<void>(read_map(folder_ / "n.yaml")); }),
-              HasSubstr("none.pgm"));
+  constexpr const char* kPlace =
+      "resolution: 0.1\norigin: [0, 0, 0]\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+  write("n.yaml", "image: none.pgm\n" + std::string(kPlace));
+  const auto missing = [this] {
+    return bad_input([&] { static_cast<void>(read_map(folder_ / "n.yaml")); });
+  };
+  EXPECT_THAT(missing(), AllOf(HasSubstr("n.yaml:1: image"), HasSubstr("none.pgm")));
+  write("n.yaml", "image: C:\\maps\\m.pgm\n" + std::string(kPlace));
+  EXPECT_THAT(missing(), HasSubstr("n.yaml:1: image"));
+  write("m.pgm", "P5\n1 1\n255\na");
+  EXPECT_THAT(missing(), HasSubstr("beside this file: image: m.pgm"));
   EXPECT_THAT(bad_input([&] { static_cast<void>(read_map(folder_ / "m.pgm")); }),
               HasSubstr(".yaml of ROS"));
 }

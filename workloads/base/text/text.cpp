@@ -186,10 +186,21 @@ std::string read_text(const std::filesystem::path& path, std::size_t max_bytes) 
 }
 
 void refuse_pointer(const std::filesystem::path& path, std::string_view head) {
-  if (!head.starts_with("version https://git-lfs.github.com/spec/")) return;
-  throw_bad_input(
-      "'" + path.string() +
-      "' is not the file itself but a pointer of Git LFS; fetch it with `git lfs pull`");
+  const auto refuse = [&path](const char* what) {
+    throw_bad_input("'" + path.string() + "' is not the file itself but " + what);
+  };
+  if (head.starts_with("version https://git-lfs.github.com/spec/")) {
+    refuse("a pointer of Git LFS; fetch it with `git lfs pull`");
+  }
+  if (head.starts_with("/annex/objects/")) {
+    refuse("a pointer of git-annex; fetch it with `git annex get`");
+  }
+  std::string begin(head.substr(0, 14));
+  std::ranges::transform(begin, begin.begin(),
+                         [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
+  if (begin == "<!doctype html" || begin.starts_with("<html")) {
+    refuse("a web page that was downloaded in its place; open it in a browser to see why");
+  }
 }
 
 std::filesystem::path follow_links(std::filesystem::path path) {

@@ -40,7 +40,8 @@ inline constexpr std::size_t kAnySize = SIZE_MAX;
 [[nodiscard]] std::string read_text(const std::filesystem::path& path,
                                     std::size_t max_bytes = kMaxInputBytes);
 /// For readers that open a file themselves. read_file() has asked.
-/// @throws Error{kBadInput} if its first bytes are those of a pointer of Git LFS, with the remedy.
+/// @throws Error{kBadInput} if its first bytes are those of what stands in a file's place: a
+/// pointer of Git LFS or git-annex, a web page. With the remedy.
 void refuse_pointer(const std::filesystem::path& path, std::string_view head);
 
 /// What opening @p path for writing would open: where it is a link, what that leads to, even if

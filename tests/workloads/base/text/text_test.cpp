@@ -78,6 +78,11 @@ TEST_F(ReadFile, TakesTextAsOtherSystemsWriteIt) {
               HasSubstr("UTF-16"));
   EXPECT_THAT(bad_input([&] { text_of("version https://git-lfs.github.com/spec/v1\noid x\n"); }),
               AllOf(HasSubstr("Git LFS"), HasSubstr("git lfs pull")));
+  EXPECT_THAT(bad_input([&] { text_of("/annex/objects/MD5E-s12--ab.db3\n"); }),
+              HasSubstr("git annex get"));
+  EXPECT_THAT(bad_input([&] { text_of("<!DOCTYPE html>\n<html>404</html>"); }),
+              HasSubstr("a web page"));
+  EXPECT_EQ(text_of("<!doctype ht"), "<!doctype ht");
 }
 
 TEST_F(ReadFile, TakesAsMuchAsTheLimitAndNotAByteMore) {
