@@ -41,14 +41,22 @@ expect_13() { has 'rc=0|replaced' && hasnt 'another program'; }
 expect_15() { has '0,1 \(1593 MHz, capacity 572\) and 2,3 \(2150 MHz, capacity 1024\)'; }
 expect_17() { has '^package-0 ' && hasnt 'counted once'; }
 expect_18() { has 'Esocket0.*package' && hasnt 'no Esocket0'; }
+expect_20() {
+  has 'rc=1|the time was up' && has 'junit: well-formed' && has 'markdown and JSON are UTF-8' && hasnt '^classname'
+}
 expect_23() { hasnt 'overlaps [1-9]|negative [1-9]' && has 'c.json slices [0-9]+ tracks [0-9]+ overlaps 0 negative 0'; }
 expect_24() { hasnt 'rc=(1|2|137)$' && has 'no JetStream' && has 'storage' && has 'max_payload'; }
 expect_25() { has 'escape sequences: 0'; }
 expect_27() { hasnt 'internal error|rc=(1[2-9][0-9]|2[0-9][0-9])$'; }
+expect_29() { has '^rc=0' && hasnt 'internal error'; }
 expect_32() { has 'rc=4' && hasnt 'still running'; }
 expect_33() { has '^rc=0' && has 'stdin closed rc=0' && has 'umask 0777 rc=[02]' && has 'nonexistent rc=[04]'; }
 expect_34() { has '^same' && has 'rc=0'; }
 expect_35() { has 'no /sys rc=0' && has 'subset=pid rc=0' && has 'no /proc schedule rc=0' && has 'no /proc characterize rc=[04]' && has 'as PID 1 rc=0'; }
+expect_36() {
+  has '^p rc=0|holds no measurements'  # on a busy machine a second is short
+  has '^wal rc=(0|2)' && has 'copy it \(cp ro/wal' && has '^hot rc=2' && has 'copy both \(cp ro/hot.db ro/hot.db-journal' && has '^write rc=2'
+}
 expect_40() { hasnt 'no file of that name|: [1-9]|: 0 [1-9]'; }
 
 # Case 34 needs a locale that few machines have: made from Debian's sources.
@@ -58,7 +66,7 @@ prepare_34() {
 }
 
 # Of files, databases and clocks: what somebody else's work holds, or takes minutes.
-left_out='19|20|21|22|28|29|30|31|36|37|38|39'
+left_out='19|21|22|28|30|31|37|38|39'
 
 failed=()
 scratch=$(mktemp -d)

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <map>
 
@@ -78,16 +79,31 @@ Findings turbo(const DoctorInput& input) {
 
 Findings heat(const DoctorInput& input) {
   constexpr double kHot = 85;  // degrees; most processors slow down between 95 and 105
-  const auto& before = input.before.host.heat_events;
-  if (input.after && before && input.after->host.heat_events.value_or(0) > *before) {
-    return {{"heat", Level::kSpoils, "cores were slowed down for heat while doctor looked",
-             "the clock falls while something is timed",
-             "let the machine cool, improve its cooling"}};
+  const HostCounters& before = input.before.host;
+  const HostCounters& after = input.after ? input.after->host : before;
+  const auto slowed = [](const std::string& found) {
+    return Finding{"heat", Level::kSpoils, found, "the clock falls while something is timed",
+                   "let the machine cool, improve its cooling"};
+  };
+  if (after.heat_events.value_or(0) > before.heat_events.value_or(0)) {
+    return {slowed("cores were slowed down for heat while doctor looked")};
+  }
+  if (const auto steps = std::max(before.cooled.value_or(0), after.cooled.value_or(0)); steps > 0) {
+    return {
+        slowed(fmt::format("processors are slowed down for heat, by {} steps of what cools "
+                           "them (cooling_device*/cur_state)",
+                           steps))};
+  }
+  if (before.max_khz && after.max_khz && *before.max_khz != *after.max_khz) {
+    return {
+        slowed(fmt::format("the limit of the cores' clocks, all together, went from {} to {} "
+                           "MHz while doctor looked",
+                           *before.max_khz / 1000, *after.max_khz / 1000))};
   }
   const Environment facts = host_environment(input.root);
   const auto temperature = facts.find("temperature_c");
   if (temperature == facts.end()) {
-    if (before) return {good("heat", "no throttling counted")};
+    if (before.heat_events) return {good("heat", "no throttling counted")};
     return {unknown("heat", facts.at("temperature_c_unknown"))};
   }
   const std::string found = temperature->second + " degrees C in the hottest zone";

@@ -59,35 +59,32 @@ std::optional<CoreTimes> read_times(const std::vector<int>& cores,
   return times;
 }
 
-std::optional<std::int64_t> read_heat(const std::vector<int>& cores,
-                                      const std::filesystem::path& root) {
-  const auto folder = root / "sys/devices/system/cpu";
-  std::optional<std::int64_t> total;
-  const auto add = [&](const std::string& cpu) {
-    const auto count = read_number(folder / cpu / "thermal_throttle/core_throttle_count");
-    if (count) total = total.value_or(0) + *count;
-  };
-  for (const int core : cores) add("cpu" + std::to_string(core));
-  if (cores.empty()) {
-    const long configured = ::sysconf(_SC_NPROCESSORS_CONF);
-    for (long core = 0; core < configured; ++core) add("cpu" + std::to_string(core));
-  }
-  return total;
-}
-
 /// Boards of Arm count no thermal events: their kernels limit the clock by cooling devices.
-/// @source Documentation/driver-api/thermal/sysfs-api: cur_state, 0 = not active; the names that
+/// @source Documentation/driver-api/thermal/sysfs-api: cur_state, 0 = not active;
+/// stats/total_trans, how often it changed, where the kernel counts that; the names that
 /// cpufreq_cooling.c (new and old), devfreq_cooling.c and the ACPI processor's driver give.
-std::optional<std::int64_t> read_cooled(const std::filesystem::path& root) {
+std::optional<std::int64_t> sum_of_coolers(const std::filesystem::path& root, const char* file) {
   std::optional<std::int64_t> total;
   for (const auto& device : folder_entries(root / "sys/class/thermal")) {
     const std::string type = first_line(device / "type").value_or("");
     const bool slows = type.find("cpufreq") != std::string::npos ||
                        type.find("devfreq") != std::string::npos || type == "Processor";
-    const auto state = slows ? read_number(device / "cur_state") : std::nullopt;
-    if (state) total = total.value_or(0) + *state;
+    const auto value = slows ? read_number(device / file) : std::nullopt;
+    if (value) total = total.value_or(0) + *value;
   }
   return total;
+}
+
+std::optional<std::int64_t> read_heat(const std::vector<int>& cores,
+                                      const std::filesystem::path& root) {
+  const auto folder = root / "sys/devices/system/cpu";
+  std::optional<std::int64_t> total;
+  for (const int core : cores.empty() ? numbered_folders(folder, "cpu") : cores) {
+    const auto count = read_number(folder / ("cpu" + std::to_string(core)) /
+                                   "thermal_throttle/core_throttle_count");
+    if (count) total = total.value_or(0) + *count;
+  }
+  return total ? total : sum_of_coolers(root, "stats/total_trans");
 }
 
 std::optional<std::int64_t> read_max_khz(const std::vector<int>& cores,
@@ -174,7 +171,7 @@ HostCounters read_host_counters(const std::vector<int>& cores, const std::filesy
   counters.own = process_time();
   counters.waited = read_waited(root);
   counters.heat_events = read_heat(cores, root);
-  counters.cooled = read_cooled(root);
+  counters.cooled = sum_of_coolers(root, "cur_state");
   counters.max_khz = read_max_khz(cores, root);
   counters.quota_wait = read_quota_wait(root);
   return counters;

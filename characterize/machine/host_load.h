@@ -21,9 +21,11 @@ struct HostCounters {
   Nanos own{0};  ///< Processor time of this process, all threads, and of the children (a driver's
                  ///< compiler, say) that it has waited for.
   std::optional<Nanos> waited;  ///< How long threads of this process could run and had no core.
-  std::optional<std::int64_t> heat_events;  ///< Thermal throttling of the cores asked for.
-  std::optional<std::int64_t> cooled;       ///< Steps by which processors are slowed down for heat.
-  std::optional<std::int64_t> max_khz;      ///< The sum of the cores' limits, which heat lowers.
+  /// Thermal throttling of the cores asked for; of boards whose kernels do not count that, changes
+  /// of what slows any of their processors down.
+  std::optional<std::int64_t> heat_events;
+  std::optional<std::int64_t> cooled;   ///< Steps by which processors are slowed down for heat.
+  std::optional<std::int64_t> max_khz;  ///< The sum of the cores' limits, which heat lowers.
   std::optional<Nanos>
       quota_wait;  ///< Time that this process' control group was held back by its quota.
 };

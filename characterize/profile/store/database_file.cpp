@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <sys/file.h>
+#include <unistd.h>
 
 #include <array>
 #include <cerrno>
@@ -43,6 +44,13 @@ void check_version(const std::string& name, std::int64_t version) {
       "profile database '{}' is of version {}, and this pirt reads version {}: {}", name, version,
       kDatabaseVersion,
       version > kDatabaseVersion ? "use a newer pirt" : "characterize again, into a new file"));
+}
+
+/// What is on a medium that is read alone is not, not even to root.
+bool may_be_written(const std::filesystem::path& path) {
+  const auto file = follow_links(path);
+  const auto folder = file.has_parent_path() ? file.parent_path() : ".";
+  return ::access(file.c_str(), W_OK) == 0 && ::access(folder.c_str(), W_OK) == 0;
 }
 
 /// Checks by its first bytes what a file is, before SQLite, which would take an empty file for an
@@ -98,10 +106,17 @@ void identify(const std::filesystem::path& path) {
   }
   check_version(name, header_word(header, 60));
   if (header[18] != 1 || header[19] != 1) {
+    const bool stays = may_be_written(path);
+    const std::string there = path_in_shell((stays ? path : path.filename()).string());
     throw_bad_input(
-        fmt::format("profile database '{}' is not in journal mode DELETE; convert it with: "
-                    "sqlite3 {} 'PRAGMA journal_mode=DELETE'",
-                    name, name));
+        fmt::format("profile database '{}' is not in journal mode DELETE; {}: sqlite3 {} 'PRAGMA "
+                    "journal_mode=DELETE'",
+                    name,
+                    stays ? "convert it with"
+                          : fmt::format("it cannot be converted where nothing may be written: copy "
+                                        "it (cp {}* FOLDER), and there",
+                                        path_in_shell(name)),
+                    there));
   }
 }
 
@@ -113,6 +128,14 @@ void recover(const std::filesystem::path& path, const FileWait& waiting) {
   std::error_code failed;
   const auto size = std::filesystem::file_size(journal, failed);
   if (failed || size == 0) return;
+  if (!may_be_written(path)) {
+    throw_bad_input(
+        fmt::format("the last writer of profile database '{}' was killed; what puts it right is "
+                    "'{}', and nothing may be written there: copy both (cp {} {} FOLDER), and give "
+                    "the copy",
+                    path.string(), journal.string(), path_in_shell(path.string()),
+                    path_in_shell(journal.string())));
+  }
   const Connection connection(path, Connection::Mode::kReadWrite, waiting);
   Statement(connection, "SELECT count(*) FROM sqlite_schema").run();
 }

@@ -437,6 +437,19 @@ TEST_F(Doctor, FindsWhatHappenedWhileItLooked) {
   EXPECT_EQ(finding_of(input, "swap").found, "12 pages moved while doctor looked");
 }
 
+TEST_F(Doctor, FindsThatABoardIsSlowedDownForHeat) {
+  test::RecordedMachine board = test::healthy_board(folder.path());
+  EXPECT_EQ(finding_of(input_of(board), "heat").level, Level::kGood);
+  auto input = input_of(board);
+  input.after->host.max_khz = *input.before.host.max_khz - 300'000;
+  EXPECT_EQ(finding_of(input, "heat").level, Level::kSpoils);
+  EXPECT_THAT(finding_of(input, "heat").found, HasSubstr("went from 3000 to 2700 MHz"));
+  board.put("sys/class/thermal/cooling_device0/type", "cpufreq-cpu0\n");
+  board.put("sys/class/thermal/cooling_device0/cur_state", "2\n");
+  EXPECT_EQ(finding_of(input_of(board), "heat").level, Level::kSpoils);
+  EXPECT_THAT(finding_of(input_of(board), "heat").found, HasSubstr("by 2 steps"));
+}
+
 TEST_F(Doctor, FindsSlowBuilds) {
   auto input = input_of(test::healthy_board(folder.path()));
   input.build["build_type"] = "Debug";

@@ -380,6 +380,16 @@ TEST(HostLoad, NoticesThatABoardIsSlowedDownForHeat) {
   put(root, "sys/class/thermal/cooling_device0/cur_state", "1\n");
   const auto cooled = read_host_counters({0}, root.path());
   EXPECT_TRUE(interference(cooled, cooled, 1).throttled);
+  // Slowed down and released between two looks.
+  put(root, "sys/class/thermal/cooling_device0/cur_state", "0\n");
+  put(root, "sys/class/thermal/cooling_device0/stats/total_trans", "4\n");
+  put(root, "sys/class/thermal/cooling_device1/stats/total_trans", "9\n");
+  const auto counted = read_host_counters({0}, root.path());
+  EXPECT_EQ(counted.heat_events, 4);
+  put(root, "sys/class/thermal/cooling_device1/stats/total_trans", "11\n");
+  EXPECT_FALSE(interference(counted, read_host_counters({0}, root.path()), 1).throttled);
+  put(root, "sys/class/thermal/cooling_device0/stats/total_trans", "6\n");
+  EXPECT_TRUE(interference(counted, read_host_counters({0}, root.path()), 1).throttled);
 }
 
 TEST(HostLoad, ReadsTheCountersOfTheCoresAskedFor) {
