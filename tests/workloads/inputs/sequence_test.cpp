@@ -187,7 +187,7 @@ TEST_F(SpoiledEuroc, IsReadAsTumViHasIt) {
   ASSERT_EQ(given.truth.size(), good.truth.size());
   EXPECT_LT(std::chrono::abs(given.truth[9].time - good.truth[9].time), Nanos(1000));
   EXPECT_TRUE(given.truth[9].body.position.isApprox(good.truth[9].body.position, 1e-6));
-  for (StampedPose& each : way) each.body.position *= 1000;
+  for (StampedPose& each : way) each.body.position *= 1e5;
   put(folder_ / "truth.txt", tum_text(way));
   EXPECT_THAT(read_sequence(folder_,
                             {.calibration = folder_ / "chain.yaml", .truth = folder_ / "truth.txt"})

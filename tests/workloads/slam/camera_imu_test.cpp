@@ -69,34 +69,30 @@ TEST(CameraImu, FindsHowTheCameraIsTurned) {
   EXPECT_THAT(warnings_of(*fit), ElementsAre(HasSubstr("degrees from what its calibration says")));
 }
 
-// Of ten flights, with one camera or two, none is below 0.5.
+// A flight that sets off. In a calm one noise hides accelerations: nothing is said of those then.
 TEST(CameraImu, FindsAnImuOfTheOppositeSign) {
-  const int seeds = test::repeats(1, 10);
-  for (int seed = 1; seed <= seeds; ++seed) {
-    for (const bool stereo : {true, false}) {
-      SceneOptions options = test::scene(static_cast<std::uint64_t>(seed), 8, stereo);
-      options.width = 320;
-      options.height = 240;
-      Sequence sequence = test::remembering(generate_sequence(options));
-      const ImuAlike alike = compare_imu(sequence);
-      ASSERT_TRUE(alike.accelerations && alike.turns) << seed;
-      std::printf("seed %d, %zu cameras: turns %.2f, accelerations %.2f\n", seed,
-                  sequence.cameras.size(), *alike.turns, *alike.accelerations);
-      EXPECT_GT(*alike.turns, 0.9) << seed;
-      EXPECT_GT(*alike.accelerations, 0.5) << seed;
-      EXPECT_THAT(warnings_of(alike, sequence), IsEmpty());
-      for (ImuSample& sample : sequence.imu) sample.accel_m_s2 *= -1;
-      const ImuAlike down = compare_imu(sequence);
-      EXPECT_THAT(test::bad_input([&] { static_cast<void>(warnings_of(down, sequence)); }),
-                  testing::AllOf(HasSubstr("accelerations are opposite"), HasSubstr("--no-imu")))
-          << seed;
-      for (ImuSample& sample : sequence.imu) sample.accel_m_s2 *= -1, sample.gyro_rad_s *= -1;
-      const ImuAlike back = compare_imu(sequence);
-      EXPECT_THAT(test::bad_input([&] { static_cast<void>(warnings_of(back, sequence)); }),
-                  HasSubstr("the gyroscope turns opposite"))
-          << seed;
-    }
-  }
+  SceneOptions options = test::scene(7, 4, true);
+  options.width = 320;
+  options.height = 240;
+  options.camera_rate_hz = 20;
+  options.path.rest_s = 1;
+  Sequence sequence = test::remembering(generate_sequence(options));
+  const ImuAlike alike = compare_imu(sequence);
+  ASSERT_TRUE(alike.accelerations && alike.turns);
+  EXPECT_GT(*alike.turns, 0.9);
+  EXPECT_GT(*alike.accelerations, 0.8);
+  EXPECT_THAT(warnings_of(alike, sequence), IsEmpty());
+  const auto problem = [&sequence] {
+    return test::bad_input(
+        [&] { static_cast<void>(warnings_of(compare_imu(sequence), sequence)); });
+  };
+  for (ImuSample& sample : sequence.imu) sample.accel_m_s2 *= -1;
+  EXPECT_THAT(problem(),
+              testing::AllOf(HasSubstr("accelerations are opposite"), HasSubstr("--no-imu")));
+  for (ImuSample& sample : sequence.imu) sample.accel_m_s2 *= -1, sample.gyro_rad_s *= -1;
+  EXPECT_THAT(problem(), HasSubstr("the gyroscope turns opposite"));
+  const Sequence calm = flight(1);
+  EXPECT_THAT(warnings_of(compare_imu(calm), calm), IsEmpty());
 }
 
 TEST(CameraImu, SaysNothingWhereNothingTells) {

@@ -330,9 +330,13 @@ std::vector<double> changes_of_force(const Sequence& sequence, const Gyroscope& 
 
 ImuAlike compare_imu(const Sequence& sequence) {
   constexpr std::size_t kLength = 50, kCount = 2;  // pictures in a row, and how often
-  constexpr std::size_t kApart = 3;  // pictures; of nearer ones noise is more than accelerations
+  constexpr double kApart_s = 0.15;  // nearer ones see less of accelerations than of noise
   constexpr double kLeastTurn_rad = 0.01, kLeastChange_m_s2 = 0.2;
-  if (sequence.imu.size() < 3 || sequence.frames.size() <= 2 * kApart) return {};
+  if (sequence.imu.size() < 3 || sequence.frames.size() < 2) return {};
+  const double period_s = to_s(sequence.frames.back().time - sequence.frames.front().time) /
+                          static_cast<double>(sequence.frames.size() - 1);
+  const auto apart =
+      static_cast<std::size_t>(std::clamp(std::round(kApart_s / period_s), 1.0, kLength / 4.0));
   const Gyroscope gyroscope(sequence.imu);
   const auto forces = forces_of(sequence);
   Correlation turns, accelerations;
@@ -343,18 +347,19 @@ ImuAlike compare_imu(const Sequence& sequence) {
     options.setup = setup_of(part);
     const auto frames = run_serially(part, options).frames;
     std::vector<Eigen::Vector3d> seen, felt, seen_turns, felt_turns;
-    for (std::size_t i = kApart; i + kApart < frames.size(); ++i) {
+    for (std::size_t i = apart; i + apart < frames.size(); ++i) {
       // As the second difference of places weighs accelerations.
       Eigen::Vector3d force = Eigen::Vector3d::Zero();
       bool is_known = true;
-      for (std::size_t k = i - kApart; k <= i + kApart; ++k) {
+      for (std::size_t k = i - apart; k <= i + apart; ++k) {
         is_known = is_known && frames[k].status == Status::kTracking && !forces[first + k].isZero();
-        const auto weight = static_cast<double>(kApart - (k < i ? i - k : k - i));
-        force += weight / (kApart * kApart) * (frames[k].pose.body.rotation * forces[first + k]);
+        const auto weight = static_cast<double>(apart - (k < i ? i - k : k - i));
+        force += weight / static_cast<double>(apart * apart) *
+                 (frames[k].pose.body.rotation * forces[first + k]);
       }
       if (!is_known) continue;
-      const StampedPose& before = frames[i - kApart].pose;
-      const StampedPose& after = frames[i + kApart].pose;
+      const StampedPose& before = frames[i - apart].pose;
+      const StampedPose& after = frames[i + apart].pose;
       const double dt = to_s(after.time - before.time) / 2;
       seen.push_back(
           (after.body.position - 2 * frames[i].pose.body.position + before.body.position) /
