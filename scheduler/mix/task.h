@@ -5,6 +5,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string_view>
@@ -37,6 +38,19 @@ inline constexpr std::size_t kMaxUnits = 64;
 [[nodiscard]] constexpr UnitMask unit_bit(UnitId unit) { return UnitMask{1} << unit; }
 [[nodiscard]] constexpr bool contains(UnitMask mask, UnitId unit) {
   return (mask & unit_bit(unit)) != 0;
+}
+
+/// The units that something holds of, by their position in a list of them.
+/// @param is  bool(element).
+template <typename Range, typename Is>
+[[nodiscard]] UnitMask units_where(const Range& units, const Is& is) {
+  UnitMask mask = 0;
+  UnitId unit = 0;
+  for (const auto& each : units) {
+    if (std::invoke(is, each)) mask |= unit_bit(unit);
+    ++unit;
+  }
+  return mask;
 }
 
 /// The unit of @p mask that is better than all before it; ties: the first. Absent if it is empty.

@@ -13,6 +13,7 @@
 // Where no cloud unit may serve a non-real-time task, or none is there (an outage), the basic
 // scheduler takes it: it would wait for ever otherwise. Only what no unit of the robot's would take
 // waits for the cloud.
+#include <bit>
 #include <stdexcept>
 
 #include "scheduler/policies/policies.h"
@@ -25,16 +26,13 @@ class AdvancedPolicy final : public Policy {
   explicit AdvancedPolicy(const PolicySetup& setup) {
     if (setup.basic == nullptr) throw std::logic_error("mode advanced without a basic policy");
     basic_ = setup.basic->make(setup);
-    for (UnitId unit = 0; unit < setup.roles.size(); ++unit) {
-      if (setup.roles[unit] == Role::kCloud) cloud_ |= unit_bit(unit);
-    }
+    cloud_ = units_where(setup.roles, [](Role role) { return role == Role::kCloud; });
   }
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
     if (offloads(task)) {
-      for (UnitId unit = 0; unit < kMaxUnits; ++unit) {
-        if (contains(task.eligible & cloud_ & units.up, unit)) return Placement::on(unit);
-      }
+      const UnitMask there = task.eligible & cloud_ & units.up;
+      if (there != 0) return Placement::on(static_cast<UnitId>(std::countr_zero(there)));
       if (basic_->takers(task, units.up) == 0) return Placement::hold_for(0);
     }
     if (task.real_time && task.image_input) return Placement::high_priority();
@@ -46,7 +44,7 @@ class AdvancedPolicy final : public Policy {
     return there != 0 ? there : basic_->takers(task, up);
   }
 
-  const std::vector<UnitId>& order() const override { return basic_->order(); }
+  std::vector<UnitId> order() const override { return basic_->order(); }
   Nanos rank(const Task& task) override { return basic_->rank(task); }
   void moved(const MovedTask& task, Whereabouts from, Whereabouts to,
              const UnitsView& units) override {

@@ -41,7 +41,6 @@ class BudgetPolicy final : public Policy {
         foresight_(plan_),
         calls_(plan_.tasks.size()),
         holds_(setup.servers.size()) {
-    for (UnitId unit = 0; unit < setup.servers.size(); ++unit) order_.push_back(unit);
     if (plan_.window_j) window_.emplace(*plan_.window_j);
     for (Calls& each : calls_) each.by_unit.resize(setup.servers.size(), 0);
   }
@@ -82,7 +81,6 @@ class BudgetPolicy final : public Policy {
     return mask & task.eligible & up;
   }
 
-  const std::vector<UnitId>& order() const override { return order_; }
   [[nodiscard]] Nanos ask_again() const override { return ask_again_; }
   [[nodiscard]] std::int64_t over_cap() const override { return over_cap_; }
 
@@ -178,7 +176,6 @@ class BudgetPolicy final : public Policy {
   std::optional<PowerWindow> window_;
   std::vector<Calls> calls_;                         ///< By entry.
   std::vector<std::optional<std::uint32_t>> holds_;  ///< By unit: the program of what it was given.
-  std::vector<UnitId> order_;
   Nanos ask_again_ = Nanos::max();
   std::int64_t over_cap_ = 0;
 };

@@ -6,18 +6,11 @@
 namespace pirt {
 namespace {
 
-UnitMask cpus(const PolicySetup& setup) {
-  UnitMask mask = 0;
-  for (UnitId unit = 0; unit < setup.roles.size(); ++unit) {
-    if (setup.roles[unit] == Role::kCpu) mask |= unit_bit(unit);
-  }
-  return mask;
-}
-
 class CpuOnlyPolicy final : public Baseline {
  public:
   explicit CpuOnlyPolicy(const PolicySetup& setup)
-      : Baseline(setup, cpus(setup)), servers_(setup.servers) {}
+      : Baseline(units_where(setup.roles, [](Role role) { return role == Role::kCpu; })),
+        servers_(setup.servers) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
     // Loads over servers, compared as fractions.

@@ -14,9 +14,7 @@ namespace {
 class PlannedPolicy final : public Policy {
  public:
   explicit PlannedPolicy(const PolicySetup& setup)
-      : plan_(setup.plan), turns_(plan_.entries.size(), 0) {
-    for (UnitId unit = 0; unit < setup.roles.size(); ++unit) order_.push_back(unit);
-  }
+      : plan_(setup.plan), turns_(plan_.entries.size(), 0) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
     const auto& entry = plan_.entries[task.entry];
@@ -31,7 +29,6 @@ class PlannedPolicy final : public Policy {
     return unit_bit(plan_.entries[task.entry].unit) & up;
   }
 
-  const std::vector<UnitId>& order() const override { return order_; }
   void moved(const MovedTask& task, Whereabouts from, Whereabouts, const UnitsView&) override {
     if (from.waits()) ++turns_[task.kind.entry];
   }
@@ -39,7 +36,6 @@ class PlannedPolicy final : public Policy {
  private:
   MixPlan plan_;
   std::vector<std::int64_t> turns_;  ///< By entry: firings in which it was placed or is gone.
-  std::vector<UnitId> order_;
 };
 
 }  // namespace

@@ -85,26 +85,19 @@ class Policy {
   /// The units of @p up that the policy might ever let serve the class; those take it from the
   /// high-priority queue.
   [[nodiscard]] virtual UnitMask takers(const TaskClass& task, UnitMask up) const = 0;
-  /// The order in which idle units are asked when several could take a task.
-  [[nodiscard]] virtual const std::vector<UnitId>& order() const = 0;
+  /// The units that are asked first when several are idle and could take a task, in this order;
+  /// those that it does not name follow in the platform's.
+  [[nodiscard]] virtual std::vector<UnitId> order() const { return {}; }
   /// Queues are served by rising rank, then in the order in which tasks became ready. Asked once
   /// for each task, when it is submitted.
-  [[nodiscard]] virtual Nanos rank(const Task& task) {
-    static_cast<void>(task);
-    return Nanos::zero();
-  }
+  [[nodiscard]] virtual Nanos rank(const Task& /*task*/) { return Nanos::zero(); }
   /// A task was placed on a unit, by place() or out of the high-priority queue; waits again, since
   /// its unit gave it back or is away; or has ended, on a unit or before it was placed.
   /// @param units  The loads are without the task.
-  virtual void moved(const MovedTask& task, Whereabouts from, Whereabouts to,
-                     const UnitsView& units) {
-    static_cast<void>(task);
-    static_cast<void>(from);
-    static_cast<void>(to);
-    static_cast<void>(units);
-  }
+  virtual void moved(const MovedTask& /*task*/, Whereabouts /*from*/, Whereabouts /*to*/,
+                     const UnitsView& /*units*/) {}
   /// Other units are up than before.
-  virtual void units_changed(UnitMask up) { static_cast<void>(up); }
+  virtual void units_changed(UnitMask /*up*/) {}
   /// When what it holds is worth asking for again though nothing happens until then; what is past
   /// stands for never.
   [[nodiscard]] virtual Nanos ask_again() const { return Nanos::max(); }

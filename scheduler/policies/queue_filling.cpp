@@ -5,54 +5,26 @@
 // queue has room, unless the literal overflow is asked for.
 #include "scheduler/policies/queue_filling.h"
 
-#include "scheduler/policies/unit_order.h"
+#include "scheduler/policies/weighted.h"
 
 namespace pirt {
 namespace {
 
-class QueueFillingPolicy final : public Policy {
+class QueueFillingPolicy final : public Weighted {
  public:
   QueueFillingPolicy(const PolicySetup& setup, std::span<const Role> order, Role otherwise)
-      : roles_(setup.roles),
-        weights_(setup.weights),
-        literal_overflow_(setup.literal_overflow),
-        otherwise_(otherwise),
-        order_(units_by_role(roles_, order)) {}
+      : Weighted(setup, order, setup.literal_overflow ? std::optional(otherwise) : std::nullopt) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
-    const UnitMask mask = task.eligible & units.up;
     UnitMask full = 0;
     for (const UnitId unit : order_) {
-      const int weight = contains(mask, unit) ? weights_[task.workload][unit] : 0;
-      if (units.load[unit] < weight) return Placement::on(unit);
-      if (weight > 0) full |= unit_bit(unit);
+      const int its = weight(task, unit, units.up);
+      if (units.load[unit] < its) return Placement::on(unit);
+      if (its > 0) full |= unit_bit(unit);
     }
-    const auto overflow = overflow_target(mask);
+    const auto overflow = else_unit(task, units.up);
     return overflow ? Placement::on(*overflow) : Placement::hold_for(full);
   }
-
-  UnitMask takers(const TaskClass& task, UnitMask up) const override {
-    const UnitMask mask = task.eligible & up;
-    UnitMask result = 0;
-    for (const UnitId unit : order_) {
-      if (contains(mask, unit) && weights_[task.workload][unit] > 0) result |= unit_bit(unit);
-    }
-    if (const auto overflow = overflow_target(mask)) result |= unit_bit(*overflow);
-    return result;
-  }
-
-  const std::vector<UnitId>& order() const override { return order_; }
-
- private:
-  std::optional<UnitId> overflow_target(UnitMask mask) const {
-    return literal_overflow_ ? else_target(order_, roles_, otherwise_, mask) : std::nullopt;
-  }
-
-  std::vector<Role> roles_;
-  WeightTable weights_;
-  bool literal_overflow_;
-  Role otherwise_;
-  std::vector<UnitId> order_;
 };
 
 }  // namespace

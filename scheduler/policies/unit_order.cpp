@@ -19,11 +19,7 @@ std::vector<UnitId> units_by_role(std::span<const Role> roles, std::span<const R
 }
 
 UnitMask local_units(std::span<const Role> roles) {
-  UnitMask mask = 0;
-  for (UnitId unit = 0; unit < roles.size(); ++unit) {
-    if (roles[unit] != Role::kCloud) mask |= unit_bit(unit);
-  }
-  return mask;
+  return units_where(roles, [](Role role) { return role != Role::kCloud; });
 }
 
 std::optional<UnitId> else_target(std::span<const UnitId> order, std::span<const Role> roles,

@@ -89,9 +89,8 @@ UnitMask named_units(const Platform& platform, const std::vector<std::string>& n
   UnitMask mask = 0;
   for (const auto& name : names) {
     check_unit_or_role(platform, name, where + ": eligible");
-    for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-      if (is_called(platform.units[unit], name)) mask |= unit_bit(unit);
-    }
+    mask |= units_where(platform.units,
+                        [&name](const UnitModel& unit) { return is_called(unit, name); });
   }
   return mask;
 }
@@ -147,11 +146,8 @@ GivenServices given_services(const Platform& platform, const Mix& mix) {
 }
 
 UnitMask cloud_units(const Platform& platform) {
-  UnitMask cloud = 0;
-  for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-    if (platform.units[unit].role == Role::kCloud) cloud |= unit_bit(unit);
-  }
-  return cloud;
+  return units_where(platform.units,
+                     [](const UnitModel& unit) { return unit.role == Role::kCloud; });
 }
 
 void check_every_workload_served(const Platform& platform, const Profile* profile, const Mix& mix,
@@ -181,17 +177,12 @@ namespace {
 UnitMask too_uncertain(const Platform& platform, const ServiceTable& services, WorkloadId workload,
                        UnitMask among) {
   const UnitMask own = among & ~cloud_units(platform);
-  UnitMask wild = 0;
-  for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-    const Service* service = services.find(workload, unit);
-    if (contains(own, unit) && service != nullptr && service->wild) wild |= unit_bit(unit);
-  }
+  const UnitMask wild =
+      own & units_where(services.entries[workload], [](const ServiceEntry& entry) {
+        return entry.service && entry.service->wild;
+      });
   return wild == own ? 0 : wild;
 }
-
-}  // namespace
-
-namespace {
 
 /// [workload]: where tasks of it may go, whoever serves it.
 std::vector<UnitMask> wanted_units(const Platform& platform, const Mix& mix,

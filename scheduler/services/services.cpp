@@ -320,11 +320,8 @@ Nanos Service::bottleneck(UnitId unit) const {
 }
 
 UnitMask ServiceTable::units_of(WorkloadId workload) const {
-  UnitMask mask = 0;
-  for (UnitId unit = 0; unit < entries[workload].size(); ++unit) {
-    if (entries[workload][unit].service) mask |= unit_bit(unit);
-  }
-  return mask;
+  return units_where(entries[workload],
+                     [](const ServiceEntry& entry) { return entry.service.has_value(); });
 }
 
 bool can_suspend_calls(const UnitModel& unit) {

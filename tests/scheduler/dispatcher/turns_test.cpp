@@ -17,7 +17,7 @@ class InTurn final : public Policy {
     return Placement::on(0);
   }
   UnitMask takers(const TaskClass&, UnitMask up) const override { return up; }
-  const std::vector<UnitId>& order() const override { return order_; }
+  std::vector<UnitId> order() const override { return order_; }
   void moved(const MovedTask& task, Whereabouts from, Whereabouts, const UnitsView&) override {
     if (from.waits()) had_[task.kind.entry] = true;
   }
@@ -73,7 +73,7 @@ class Counted final : public Policy {
   UnitMask takers(const TaskClass& task, UnitMask up) const override {
     return policy_->takers(task, up);
   }
-  const std::vector<UnitId>& order() const override { return policy_->order(); }
+  std::vector<UnitId> order() const override { return policy_->order(); }
 
  private:
   std::unique_ptr<Policy> policy_;

@@ -311,7 +311,7 @@ TEST(VirtualTime, SaysWhichTasksNothingIsEverGoingToStart) {
       return taken_++ < 2 ? Placement::on(0) : Placement::hold();
     }
     UnitMask takers(const TaskClass& task, UnitMask) const override { return task.eligible; }
-    const std::vector<UnitId>& order() const override { return order_; }
+    std::vector<UnitId> order() const override { return order_; }
 
    private:
     int taken_ = 0;
