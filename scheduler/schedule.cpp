@@ -202,9 +202,10 @@ RunRecord run_virtual(const Platform& named, const Profile* profile, const Mix& 
   std::optional<PowerPeak> peak;
   const auto driver = [&](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter* trace) {
     dispatcher.observe(trace);
-    if (options.power_cap_w || options.watch_power) peak.emplace(platform, trace);
-    RunObserver* const observer = peak ? static_cast<RunObserver*>(&*peak) : trace;
-    return VirtualTime(scenario, dispatcher, observer).run();
+    std::vector<RunObserver*> observers;
+    if (options.power_cap_w || options.watch_power) observers.push_back(&peak.emplace(platform));
+    if (trace != nullptr) observers.push_back(trace);
+    return VirtualTime(scenario, dispatcher, std::move(observers)).run();
   };
   RunRecord record = run_mix(platform, profile, mix, options, driver, "virtual", planned);
   if (peak) record.power_highest_w = peak->highest_w();

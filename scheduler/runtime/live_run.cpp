@@ -48,7 +48,9 @@ class LiveRun final : public Executor, private LiveDriver {
         options_(options),
         samples_(scenario.seed),
         dispatcher_(dispatcher),
-        time_(scenario, dispatcher, observer, this, computed_units(scenario)),
+        time_(scenario, dispatcher,
+              observer != nullptr ? std::vector{observer} : std::vector<RunObserver*>(), this,
+              units_where(scenario.platform.units, &UnitModel::measured)),
         units_(scenario.platform,
                {.prepare_first = options.prepare_first,
                 .time_limit = options.time_limit,
@@ -114,24 +116,13 @@ class LiveRun final : public Executor, private LiveDriver {
     units_.run(unit, call, let_in);
   }
   /// As start.
-  void resume(JobIndex job, UnitId unit) override {
-    static_cast<void>(job);
-    units_.go_on(unit);
-  }
+  void resume(JobIndex /*job*/, UnitId unit) override { units_.go_on(unit); }
   /// As start.
   void recall(JobIndex job, UnitId unit) override {
     static_cast<void>(units_.request_stop(unit, call_of(job)));
   }
 
  private:
-  static UnitMask computed_units(const Scenario& scenario) {
-    UnitMask mask = 0;
-    for (UnitId unit = 0; unit < scenario.platform.units.size(); ++unit) {
-      if (scenario.platform.units[unit].measured()) mask |= unit_bit(unit);
-    }
-    return mask;
-  }
-
   [[nodiscard]] Nanos now() const { return clock_.now() - start_; }
 
   /// A recorded sequence that begins anew begins with the state that it was recorded from, as where

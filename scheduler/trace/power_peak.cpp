@@ -10,33 +10,8 @@ constexpr Nanos kWindow = std::chrono::seconds(1);
 
 }  // namespace
 
-PowerPeak::PowerPeak(const Platform& platform, RunObserver* next)
-    : loads_(server_loads(platform)), next_(next) {
+PowerPeak::PowerPeak(const Platform& platform) : loads_(server_loads(platform)) {
   for (ServerLoad& load : loads_) idle_w_ += std::exchange(load.idle_w, 0);
-}
-
-void PowerPeak::submitted(TaskId task, std::size_t pipeline, std::size_t position,
-                          std::uint64_t firing) {
-  if (next_ != nullptr) next_->submitted(task, pipeline, position, firing);
-}
-
-void PowerPeak::arrived(std::size_t servers_index, std::uint32_t job, double power_w) {
-  loads_[servers_index].arrived(job, power_w);
-  if (next_ != nullptr) next_->arrived(servers_index, job, power_w);
-}
-
-void PowerPeak::departed(std::size_t servers_index, std::uint32_t job) {
-  loads_[servers_index].departed(job);
-  if (next_ != nullptr) next_->departed(servers_index, job);
-}
-
-void PowerPeak::drawing(std::size_t servers_index, double by_w) {
-  loads_[servers_index].beside_w += by_w;
-  if (next_ != nullptr) next_->drawing(servers_index, by_w);
-}
-
-void PowerPeak::preparing(TaskId task, Nanos now, Nanos takes) {
-  if (next_ != nullptr) next_->preparing(task, now, takes);
 }
 
 /// @param time  Not before the first change that is kept.
@@ -53,8 +28,7 @@ void PowerPeak::consider(Nanos end) {
 
 /// What a second draws, by its end, rises and falls in straight lines: it is highest where the
 /// power changes at its end or its beginning.
-void PowerPeak::settled(Nanos now, std::span<const int> waiting) {
-  if (next_ != nullptr) next_->settled(now, waiting);
+void PowerPeak::settled(Nanos now, std::span<const int> /*waiting*/) {
   double power_w = 0;
   for (const ServerLoad& load : loads_) power_w += load.power_w();
   if (!changes_.empty() && changes_.back().power_w == power_w) return;

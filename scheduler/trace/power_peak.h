@@ -12,15 +12,17 @@ namespace pirt {
 
 class PowerPeak final : public RunObserver {
  public:
-  /// @param next  Hears of everything, too; null = nobody.
-  PowerPeak(const Platform& platform, RunObserver* next);
+  explicit PowerPeak(const Platform& platform);
 
-  void submitted(TaskId task, std::size_t pipeline, std::size_t position,
-                 std::uint64_t firing) override;
-  void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
-  void departed(std::size_t servers_index, std::uint32_t job) override;
-  void drawing(std::size_t servers_index, double by_w) override;
-  void preparing(TaskId task, Nanos now, Nanos takes) override;
+  void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override {
+    loads_[servers_index].arrived(job, power_w);
+  }
+  void departed(std::size_t servers_index, std::uint32_t job) override {
+    loads_[servers_index].departed(job);
+  }
+  void drawing(std::size_t servers_index, double by_w) override {
+    loads_[servers_index].beside_w += by_w;
+  }
   void settled(Nanos now, std::span<const int> waiting) override;
 
   /// Joules of the fullest second so far, which is a mean power in watts.
@@ -37,7 +39,6 @@ class PowerPeak final : public RunObserver {
   void consider(Nanos end);
 
   std::vector<ServerLoad> loads_;
-  RunObserver* next_;
   std::deque<Change> changes_;  ///< The last one, and those of a second before it.
   double idle_w_ = 0;
   double highest_w_ = 0;

@@ -162,18 +162,6 @@ void TraceWriter::end_slice(TaskId task, Outcome outcome, Nanos now) {
   }
 }
 
-void TraceWriter::arrived(std::size_t servers_index, std::uint32_t job, double power_w) {
-  loads_[servers_index].arrived(job, power_w);
-}
-
-void TraceWriter::departed(std::size_t servers_index, std::uint32_t job) {
-  loads_[servers_index].departed(job);
-}
-
-void TraceWriter::drawing(std::size_t servers_index, double by_w) {
-  loads_[servers_index].beside_w += by_w;
-}
-
 void TraceWriter::preparing(TaskId task, Nanos now, Nanos takes) {
   const auto found = tasks_.find(task);
   if (found == tasks_.end()) return;

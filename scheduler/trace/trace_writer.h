@@ -40,9 +40,15 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
   void on_input(const DispatcherInput& input, const Answer& answer) override;
   void submitted(TaskId task, std::size_t pipeline, std::size_t position,
                  std::uint64_t firing) override;
-  void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
-  void departed(std::size_t servers_index, std::uint32_t job) override;
-  void drawing(std::size_t servers_index, double by_w) override;
+  void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override {
+    loads_[servers_index].arrived(job, power_w);
+  }
+  void departed(std::size_t servers_index, std::uint32_t job) override {
+    loads_[servers_index].departed(job);
+  }
+  void drawing(std::size_t servers_index, double by_w) override {
+    loads_[servers_index].beside_w += by_w;
+  }
   void preparing(TaskId task, Nanos now, Nanos takes) override;
   void settled(Nanos now, std::span<const int> waiting) override;
 

@@ -12,15 +12,13 @@
 namespace pirt {
 
 bool VirtualTime::slice_ended(JobIndex index, Nanos now) {
-  while (next() <= now) advance(now);
-  now_ = std::max(now_, now);
-  if (now_ > firings_.end() && !at_end_) close_books(firings_.end());
+  catch_up(now);
   Job& job = jobs_[index];
   must(dispatcher_.slice_ended(job.unit, job.id, now_, effects_));
-  const bool leaves = !effects_.suspended.empty();
-  if (leaves) suspend(index);
+  const bool suspends = !effects_.suspended.empty();
+  if (suspends) suspend(index);
   settle();
-  return !leaves;
+  return !suspends;
 }
 
 /// Of a modelled task.
@@ -36,7 +34,7 @@ void VirtualTime::suspend(JobIndex index) {
   job.suspended = true;
   job.suspended_at = now_;
   if (job.computing) {
-    if (observer_ != nullptr) observer_->departed(job.unit, index);
+    tell(&RunObserver::departed, job.unit, index);
   } else if (call_effects_.any()) {
     job.effects = call_effects_.suspend(job.unit, now_);
   }
@@ -94,7 +92,7 @@ void VirtualTime::take_back(const Recalled& recalled) {
     if (served > Nanos::zero()) {
       charge(books_, job, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
     }
-    if (observer_ != nullptr) observer_->departed(step.servers, index);
+    tell(&RunObserver::departed, step.servers, index);
   } else {
     const auto timer = std::ranges::find_if(timers_, [index](const Timer& each) {
       return each.kind == TimerKind::kDelay && each.index == index;

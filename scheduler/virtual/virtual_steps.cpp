@@ -52,7 +52,7 @@ void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from, Nanos w
   const Link& link = *link_of(scenario_.platform, unit);
   const Nanos takes = sending_time(link, size_bytes);
   books_.charge_link(unit, std::clamp(firings_.end() - from, Nanos::zero(), takes));
-  if (observer_ == nullptr || link.active_w == 0 || takes == Nanos::zero()) return;
+  if (observers_.empty() || link.active_w == 0 || takes == Nanos::zero()) return;
   const Nanos spread = std::min(takes, std::max(wait, kSecond));
   draw_for(servers_of_link(scenario_.platform, unit), link.active_w * (to_s(takes) / to_s(spread)),
            spread);
@@ -60,7 +60,7 @@ void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from, Nanos w
 
 /// Who follows hears that so much is drawn beside what servers do, for a time.
 void VirtualTime::draw_for(std::size_t servers, double watts, Nanos time) {
-  observer_->drawing(servers, watts);
+  tell(&RunObserver::drawing, servers, watts);
   if (free_draws_.empty()) {
     free_draws_.push_back(static_cast<std::uint32_t>(draws_.size()));
     draws_.emplace_back();
@@ -87,7 +87,7 @@ void VirtualTime::measure(JobIndex index, const CallStep& step) {
   if (step.own_j == 0 || job.takes > Nanos::zero()) return;
   // Joules of what takes no time are drawn at once.
   books_.charge_own(job.unit, step.own_j);
-  if (observer_ != nullptr) draw_for(job.unit, step.own_j / to_s(Nanos(1)), Nanos(1));
+  if (!observers_.empty()) draw_for(job.unit, step.own_j / to_s(Nanos(1)), Nanos(1));
 }
 
 Nanos VirtualTime::begins(JobId index, Nanos work) {

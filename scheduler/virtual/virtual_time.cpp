@@ -21,10 +21,10 @@ constexpr Nanos kLongestRun = std::chrono::years(20);
 
 VirtualTime::~VirtualTime() = default;
 
-VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunObserver* observer,
-                         Executor* executor, UnitMask computed)
+VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher,
+                         std::vector<RunObserver*> observers, Executor* executor, UnitMask computed)
     : scenario_(scenario),
-      observer_(observer),
+      observers_(std::move(observers)),
       dispatcher_(dispatcher),
       executor_(executor),
       computed_(computed),
@@ -93,7 +93,7 @@ Tally VirtualTime::finish() {
 }
 
 /// What has been counted by now is what the run returns, with the served part of what is at the
-/// servers: steps are charged as they leave.
+/// servers: steps are charged as they depart.
 void VirtualTime::close_books(Nanos end) {
   Books books = books_;
   for (const auto& servers : servers_) {
@@ -166,7 +166,7 @@ bool VirtualTime::advance(Nanos now) {
     Job& job = jobs_[index];
     const CallStep& step = step_of(job);
     charge(books_, job, job.takes, job.powered);
-    if (observer_ != nullptr) observer_->departed(step.servers, index);
+    tell(&RunObserver::departed, step.servers, index);
     if (step.slices != nullptr && job.rest > Nanos::zero()) {
       end_slice(index);
     } else {
@@ -187,7 +187,7 @@ bool VirtualTime::advance(Nanos now) {
         begin_step(due.index);
         break;
       case TimerKind::kDrawn:
-        observer_->drawing(draws_[due.index].first, -draws_[due.index].second);
+        tell(&RunObserver::drawing, draws_[due.index].first, -draws_[due.index].second);
         free_draws_.push_back(due.index);
         break;
     }
@@ -200,7 +200,7 @@ bool VirtualTime::advance(Nanos now) {
 /// else. False, and nothing has happened, where it is not so.
 bool VirtualTime::go_on_serving(std::size_t servers) {
   Servers& its = *servers_[servers];
-  const auto index = observer_ == nullptr ? its.unchallenged() : std::nullopt;
+  const auto index = observers_.empty() ? its.unchallenged() : std::nullopt;
   if (!index) return false;
   Job& job = jobs_[*index];
   const Step& step = steps_[job.step];
@@ -215,10 +215,15 @@ bool VirtualTime::go_on_serving(std::size_t servers) {
   return true;
 }
 
-void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
+/// All that was due by now has happened.
+void VirtualTime::catch_up(Nanos now) {
   while (next() <= now) advance(now);
   now_ = std::max(now_, now);
   if (now_ > firings_.end() && !at_end_) close_books(firings_.end());
+}
+
+void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
+  catch_up(now);
   Job& job = jobs_[index];
   job.computing = false;
   books_.charge_computed(workload_of(job), job.unit, end.busy, end.powered.value_or(end.busy),
@@ -227,22 +232,19 @@ void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
     books_.count_preparing(job.unit, *end.preparing);
     prepared(job, job.started_at, *end.preparing);
   }
-  if (observer_ != nullptr && !std::exchange(job.suspended, false))
-    observer_->departed(job.unit, index);
+  if (!std::exchange(job.suspended, false)) tell(&RunObserver::departed, job.unit, index);
   complete(index, end.outcome, end.busy, std::move(end.data));
   settle();
 }
 
 void VirtualTime::set_unit(UnitId unit, UnitState state, Nanos now) {
-  while (next() <= now) advance(now);
-  now_ = std::max(now_, now);
+  catch_up(now);
   must(dispatcher_.set_unit(unit, state, now_, effects_));
   settle();
 }
 
 void VirtualTime::stop(Nanos now) {
-  while (next() <= now) advance(now);
-  now_ = std::max(now_, now);
+  catch_up(now);
   firings_.stop(now_);
   if (!at_end_) close_books(now_);
   std::erase_if(timers_, [](const Timer& each) { return each.kind == TimerKind::kFires; });
@@ -272,7 +274,7 @@ void VirtualTime::fire(std::uint32_t pipeline, Nanos due) {
     const Firings::TaskPlace& place = firings_.place(job);
     if (job >= jobs_.size()) jobs_.resize(job + std::size_t{1});
     jobs_[job].begin(id, first_plans_[pipeline] + place.task);
-    if (observer_ != nullptr) observer_->submitted(id, pipeline, place.task, place.firing);
+    tell(&RunObserver::submitted, id, pipeline, place.task, place.firing);
   }
   effects_.submitted.clear();
 }
@@ -286,9 +288,9 @@ void VirtualTime::settle() {
     apply_starts();
   }
   note_next(kNone);
-  if (observer_ == nullptr) return;
+  if (observers_.empty()) return;
   dispatcher_.list_waiting(waiting_);
-  observer_->settled(now_, waiting_);
+  tell(&RunObserver::settled, now_, waiting_);
 }
 
 void VirtualTime::apply_starts() {
@@ -329,14 +331,14 @@ void VirtualTime::apply_starts() {
 
 /// Of a computed task on its unit.
 void VirtualTime::note_arrival(JobIndex index) {
-  if (observer_ == nullptr) return;
+  if (observers_.empty()) return;
   const Job& job = jobs_[index];
   const double active_w = scenario_.platform.units[job.unit].active_w;
   const CallPlan& call = plans_[job.plan].calls[job.unit];
   const Nanos expected = call.takes(Taken::kMean);
   const double own_w = expected > Nanos::zero() ? call.own_j() / to_s(expected) : 0;
   const bool metered = books_.is_metered(workload_of(job), job.unit);
-  observer_->arrived(job.unit, index, own_w + (metered ? 0 : active_w));
+  tell(&RunObserver::arrived, job.unit, index, own_w + (metered ? 0 : active_w));
 }
 
 /// What the unit holds at first: the first of the mix that it may have to.
@@ -352,7 +354,7 @@ std::optional<std::uint32_t> VirtualTime::first_context(UnitId unit) const {
 void VirtualTime::prepared(Job& job, Nanos at, Nanos takes) {
   job.preparing = takes;
   books_.count_prepare(job.unit);
-  if (observer_ != nullptr) observer_->preparing(job.id, at, takes);
+  tell(&RunObserver::preparing, job.id, at, takes);
 }
 
 /// The job's current step, or its end.
@@ -382,15 +384,15 @@ void VirtualTime::begin_step(JobIndex index) {
     cut(job, *step.plan);
   }
   if (step.plan->servers == CallStep::kDelay) {
-    if (observer_ != nullptr && job.own_w > 0) observer_->drawing(job.unit, job.own_w);
+    if (job.own_w > 0) tell(&RunObserver::drawing, job.unit, job.own_w);
     return add_timer(now_ + job.takes, TimerKind::kDelay, index);
   }
   work_on(index, *step.plan);
 }
 
 void VirtualTime::work_on(JobIndex index, const CallStep& step) {
-  if (observer_ != nullptr) {
-    observer_->arrived(step.servers, index, power_w(jobs_[index], step));
+  if (!observers_.empty()) {
+    tell(&RunObserver::arrived, step.servers, index, power_w(jobs_[index], step));
   }
   servers_[step.servers]->arrive(index, jobs_[index].takes, sequence_++, now_);
   note_next(step.servers);
@@ -407,7 +409,7 @@ void VirtualTime::charge_delay(JobIndex index, Nanos passed) {
   const Job& job = jobs_[index];
   if (job.own_w == 0) return;
   books_.charge_own(job.unit, job.own_w * to_s(passed));
-  if (observer_ != nullptr) observer_->drawing(job.unit, -job.own_w);
+  tell(&RunObserver::drawing, job.unit, -job.own_w);
 }
 
 /// Of a computed call's own joules, if it is not complete.

@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -50,10 +51,11 @@ class Executor {
 /// One run. Its references must outlive it.
 class VirtualTime final : private Servers::Owner {
  public:
-  /// @param observer  Null = none.
+  /// @param observers  Hear of it, one after the other.
   /// @param executor  Of the units of @p computed; null = all are modelled.
-  VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunObserver* observer = nullptr,
-              Executor* executor = nullptr, UnitMask computed = 0);
+  VirtualTime(const Scenario& scenario, Dispatcher& dispatcher,
+              std::vector<RunObserver*> observers = {}, Executor* executor = nullptr,
+              UnitMask computed = 0);
   ~VirtualTime() override;
   /// Until nothing is left to happen. Call once.
   /// @return  What was counted by the end: the duration with an open loop, else the last event.
@@ -104,6 +106,12 @@ class VirtualTime final : private Servers::Owner {
   };
 
   void lay_out_steps();
+  void catch_up(Nanos now);
+  /// Who follows hears of it.
+  template <typename... Args>
+  void tell(void (RunObserver::*what)(Args...), std::type_identity_t<Args>... args) {
+    for (RunObserver* const each : observers_) (each->*what)(args...);
+  }
   void close_books(Nanos end);
   void fire(std::uint32_t pipeline, Nanos due);
   void schedule_firing(std::uint32_t pipeline);
@@ -150,7 +158,7 @@ class VirtualTime final : private Servers::Owner {
   void add_timer(Nanos at, TimerKind kind, std::uint32_t index);
 
   const Scenario& scenario_;
-  RunObserver* observer_;
+  std::vector<RunObserver*> observers_;
   Dispatcher& dispatcher_;
   Executor* executor_;
   UnitMask computed_;
@@ -172,7 +180,7 @@ class VirtualTime final : private Servers::Owner {
   std::uint64_t sequence_ = 0;
   Effects effects_;
   std::vector<Recalled> recalled_;  ///< Of effects_, for its memory.
-  std::vector<int> waiting_;        ///< For the observer.
+  std::vector<int> waiting_;        ///< For the observers.
   Books books_;
   CallEffects call_effects_;
   std::vector<CallEffects::Slowed> slowed_;

@@ -352,7 +352,7 @@ TEST(PowerWindow, CountsACallUntilASecondAfterItsEnd) {
 
 TEST(PowerPeak, FindsTheFullestSecond) {
   const auto platform = platform_of(kOneCore);
-  PowerPeak peak(platform, nullptr);
+  PowerPeak peak(platform);
   const std::vector<int> none;
   peak.settled(Nanos(0), none);
   // 2 W for 400 ms from 0.5 s on, and for 200 ms from 1.4 s on: [0.5, 1.5] has 500 ms of it and

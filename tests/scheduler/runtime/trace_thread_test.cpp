@@ -58,13 +58,13 @@ std::string trace_of(bool thread, int frames = 3000) {
     TraceThread aside(writer);
     dispatcher.observe(&aside);
     writer.finish([&] {
-      const Tally tally = VirtualTime(setup.scenario, dispatcher, &aside).run();
+      const Tally tally = VirtualTime(setup.scenario, dispatcher, {&aside}).run();
       aside.finish();
       return tally;
     }());
   } else {
     dispatcher.observe(&writer);
-    writer.finish(VirtualTime(setup.scenario, dispatcher, &writer).run());
+    writer.finish(VirtualTime(setup.scenario, dispatcher, {&writer}).run());
   }
   EXPECT_FALSE(replay_file(path).result.difference);
   std::string text = read_file(path.string(), kAnySize);
@@ -174,7 +174,7 @@ TEST_F(TraceLines, LeaveNothingBehindIfARunInVirtualTimeDoesNotEnd) {
         folder / "t.json", setup.scenario,
         {&setup.mode.policy, platform.unit_names(), setup.slots, setup.policy_setup});
     dispatcher.observe(&writer);
-    VirtualTime time(setup.scenario, dispatcher, &writer);
+    VirtualTime time(setup.scenario, dispatcher, {&writer});
     time.begin();
     for (int i = 0; i < 100; ++i) EXPECT_TRUE(time.advance());
   }
