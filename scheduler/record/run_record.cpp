@@ -3,6 +3,7 @@
 #include "scheduler/record/run_record.h"
 
 #include <algorithm>
+#include <concepts>
 #include <type_traits>
 
 #include "workloads/base/error.h"
@@ -46,8 +47,12 @@ class Reader {
   const Json& json_;
 };
 
-template <typename Visitor, typename Unit>
-void visit_unit(Visitor& visitor, Unit& unit) {
+/// It, or a constant one: what is read into, and written from.
+template <typename Given, typename Record>
+concept Of = std::same_as<std::remove_const_t<Given>, Record>;
+
+template <typename Visitor, Of<UnitResult> Unit>
+void visit(Visitor& visitor, Unit& unit) {
   visitor.field("role", unit.role);
   visitor.field("backend", unit.backend);
   visitor.field("device", unit.device);
@@ -70,8 +75,8 @@ void visit_unit(Visitor& visitor, Unit& unit) {
   visitor.field("energy_j", unit.energy_j);
 }
 
-template <typename Visitor, typename Pipeline>
-void visit_pipeline(Visitor& visitor, Pipeline& pipeline) {
+template <typename Visitor, Of<PipelineResult> Pipeline>
+void visit(Visitor& visitor, Pipeline& pipeline) {
   visitor.field("fired", pipeline.fired);
   visitor.field("completed", pipeline.completed);
   visitor.field("dropped", pipeline.dropped);
@@ -90,8 +95,8 @@ void visit_pipeline(Visitor& visitor, Pipeline& pipeline) {
   visitor.field("not_analysed", pipeline.not_analysed);
 }
 
-template <typename Visitor, typename Figure>
-void visit_doubted(Visitor& visitor, Figure& figure) {
+template <typename Visitor, Of<DoubtedFigure> Figure>
+void visit(Visitor& visitor, Figure& figure) {
   visitor.field("workload", figure.workload);
   visitor.field("unit", figure.unit);
   visitor.field("doubts", figure.doubts);
@@ -101,8 +106,8 @@ void visit_doubted(Visitor& visitor, Figure& figure) {
   visitor.field("wild", figure.wild);
 }
 
-template <typename Visitor, typename Call>
-void visit_call(Visitor& visitor, Call& call) {
+template <typename Visitor, Of<CallResult> Call>
+void visit(Visitor& visitor, Call& call) {
   visitor.field("workload", call.workload);
   visitor.field("unit", call.unit);
   visitor.field("completed", call.completed);
@@ -110,8 +115,8 @@ void visit_call(Visitor& visitor, Call& call) {
   visitor.field("p95_ms", call.p95_ms);
 }
 
-template <typename Visitor, typename Planned>
-void visit_planned(Visitor& visitor, Planned& planned) {
+template <typename Visitor, Of<PlanRow> Planned>
+void visit(Visitor& visitor, Planned& planned) {
   visitor.field("pipeline", planned.pipeline);
   visitor.field("task", planned.task);
   visitor.field("unit", planned.unit);
@@ -119,8 +124,8 @@ void visit_planned(Visitor& visitor, Planned& planned) {
   visitor.field("finish_ms", planned.finish_ms);
 }
 
-template <typename Visitor, typename Tried>
-void visit_tried(Visitor& visitor, Tried& tried) {
+template <typename Visitor, Of<TriedPlan> Tried>
+void visit(Visitor& visitor, Tried& tried) {
   visitor.field("plan", tried.name);
   visitor.field("late", tried.late);
   visitor.field("rate_per_ms", tried.rate_per_ms);
@@ -129,16 +134,16 @@ void visit_tried(Visitor& visitor, Tried& tried) {
   visitor.field("taken", tried.taken);
 }
 
-template <typename Visitor, typename Bounds>
-void visit_bounds(Visitor& visitor, Bounds& bounds) {
+template <typename Visitor, Of<RunBounds> Bounds>
+void visit(Visitor& visitor, Bounds& bounds) {
   visitor.field("throughput_per_ms", bounds.throughput_per_ms);
   visitor.field("energy_j", bounds.energy_j);
   visitor.field("makespan_s", bounds.makespan_s);
   visitor.field("critical_path_ms", bounds.critical_path_ms);
 }
 
-template <typename Visitor, typename Record>
-void visit_record(Visitor& visitor, Record& record) {
+template <typename Visitor, Of<RunRecord> Record>
+void visit(Visitor& visitor, Record& record) {
   visitor.field("mode", record.mode);
   visitor.field("basic", record.basic);
   visitor.field("overflow", record.overflow);
@@ -183,26 +188,32 @@ void visit_record(Visitor& visitor, Record& record) {
   visitor.field("warnings", record.warnings);
 }
 
+template <typename Record>
+Json json_of(const Record& record) {
+  Writer writer;
+  visit(writer, record);
+  return std::move(writer.json);
+}
+
+template <typename Record>
+void read(const Json& json, Record& record) {
+  Reader reader(json);
+  visit(reader, record);
+}
+
 /// Lists that may be absent: an empty one is not written.
-template <typename Element, typename Visit>
-void write_list(Writer& writer, const char* key, const std::vector<Element>& list, Visit visit) {
+template <typename Element>
+void write_list(Writer& writer, const char* key, const std::vector<Element>& list) {
   if (list.empty()) return;
   Json values = Json::array();
-  for (const auto& element : list) {
-    Writer each;
-    visit(each, element);
-    values.push_back(std::move(each.json));
-  }
+  for (const auto& element : list) values.push_back(json_of(element));
   writer.field(key, values);
 }
 
-template <typename Element, typename Visit>
-void read_list(const Json& json, const char* key, std::vector<Element>& list, Visit visit) {
+template <typename Element>
+void read_list(const Json& json, const char* key, std::vector<Element>& list) {
   if (!json.contains(key)) return;
-  for (const auto& value : json.at(key)) {
-    Reader each(value);
-    visit(each, list.emplace_back());
-  }
+  for (const auto& value : json.at(key)) read(value, list.emplace_back());
 }
 
 void check_version(const Json& json, const std::string& source) {
@@ -238,30 +249,19 @@ const PipelineResult* RunRecord::find_pipeline(const std::string& name) const {
 Json to_json(const RunRecord& record) {
   Writer writer;
   writer.field("schema_version", RunRecord::kSchemaVersion);
-  visit_record(writer, record);
+  visit(writer, record);
   Json units = Json::object();
-  for (const auto& unit : record.units) {
-    Writer each;
-    visit_unit(each, unit);
-    units[unit.unit] = std::move(each.json);
-  }
+  for (const auto& unit : record.units) units[unit.unit] = json_of(unit);
   Json pipelines = Json::object();
-  for (const auto& pipeline : record.pipelines) {
-    Writer each;
-    visit_pipeline(each, pipeline);
-    pipelines[pipeline.pipeline] = std::move(each.json);
-  }
+  for (const auto& pipeline : record.pipelines) pipelines[pipeline.pipeline] = json_of(pipeline);
   writer.field("units", units);
   writer.field("pipelines", pipelines);
-  write_list(writer, "calls", record.calls, [](auto& to, auto& call) { visit_call(to, call); });
-  write_list(writer, "doubted", record.doubted,
-             [](auto& to, auto& figure) { visit_doubted(to, figure); });
-  write_list(writer, "plan", record.plan, [](auto& to, auto& task) { visit_planned(to, task); });
-  write_list(writer, "tried", record.tried, [](auto& to, auto& plan) { visit_tried(to, plan); });
+  write_list(writer, "calls", record.calls);
+  write_list(writer, "doubted", record.doubted);
+  write_list(writer, "plan", record.plan);
+  write_list(writer, "tried", record.tried);
   if (record.bounds) {
-    Writer bounds;
-    visit_bounds(bounds, *record.bounds);
-    writer.field("bounds", bounds.json);
+    writer.field("bounds", json_of(*record.bounds));
     Writer gaps;  // derived: not read back
     gaps.field("throughput", gap(record.throughput_per_ms, record.bounds->throughput_per_ms));
     gaps.field("energy", gap(record.energy_j, record.bounds->energy_j));
@@ -278,35 +278,28 @@ RunRecord run_record_from_json(const Json& json, const std::string& source) {
   check_version(json, source);
   try {
     RunRecord record;
-    Reader reader(json);
-    visit_record(reader, record);
+    read(json, record);
     if (record.time != "virtual" && !record.is_live()) {
       throw_bad_input(source + ": time '" + record.time + "'; a run is in virtual time or live");
     }
     for (const auto& [name, value] : json.at("units").items()) {
-      Reader each(value);
-      visit_unit(each, record.units.emplace_back());
+      read(value, record.units.emplace_back());
       record.units.back().unit = name;
     }
     for (const auto& [name, value] : json.at("pipelines").items()) {
-      Reader each(value);
-      visit_pipeline(each, record.pipelines.emplace_back());
+      read(value, record.pipelines.emplace_back());
       record.pipelines.back().pipeline = name;
     }
-    read_list(json, "calls", record.calls, [](auto& of, auto& call) { visit_call(of, call); });
-    read_list(json, "doubted", record.doubted,
-              [](auto& of, auto& figure) { visit_doubted(of, figure); });
-    read_list(json, "plan", record.plan, [](auto& of, auto& task) { visit_planned(of, task); });
-    read_list(json, "tried", record.tried, [](auto& of, auto& plan) { visit_tried(of, plan); });
+    read_list(json, "calls", record.calls);
+    read_list(json, "doubted", record.doubted);
+    read_list(json, "plan", record.plan);
+    read_list(json, "tried", record.tried);
     if (json.contains("intervals")) {
       for (const auto& [figure, ends] : json.at("intervals").items()) {
         record.intervals[figure] = {ends.at(0).get<double>(), ends.at(1).get<double>()};
       }
     }
-    if (json.contains("bounds")) {
-      Reader bounds(json.at("bounds"));
-      visit_bounds(bounds, record.bounds.emplace());
-    }
+    if (json.contains("bounds")) read(json.at("bounds"), record.bounds.emplace());
     return record;
   } catch (const JsonError& error) {
     throw_bad_input(source + ": not a complete result of a run: " + error.reason() +
