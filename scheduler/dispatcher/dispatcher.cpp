@@ -21,24 +21,15 @@ Dispatcher::Dispatcher(std::vector<std::optional<int>> slots, std::unique_ptr<Po
 }
 
 bool Dispatcher::release(FiringId firing, Nanos now) {
-  now_ = std::max(now_, now);
-  const bool taken = count_refused(tasks_.release(firing));
-  if (observer_ != nullptr) {
-    observer_->on_input({.kind = DispatcherInput::Kind::kRelease, .now = now_, .firing = firing},
-                        {.taken = taken, .started = {}, .ended = {}});
-  }
-  return taken;
+  Effects none;
+  return take({.kind = DispatcherInput::Kind::kRelease, .firing = firing}, now, none,
+              [&](DispatcherInput&) { return tasks_.release(firing); });
 }
 
 bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, Effects& out) {
-  const auto input = [&] {
-    return DispatcherInput{.kind = DispatcherInput::Kind::kComplete,
-                           .now = now_,
-                           .task = task,
-                           .unit = unit,
-                           .outcome = outcome};
-  };
-  return take(now, out, input, [&] {
+  const DispatcherInput input = {
+      .kind = DispatcherInput::Kind::kComplete, .task = task, .unit = unit, .outcome = outcome};
+  return take(input, now, out, [&](DispatcherInput&) {
     const TaskSlot slot = tasks_.find(task);
     if (slot == kNoSlot || tasks_[slot].unit != unit) return false;
     const TaskState state = tasks_[slot].state;
@@ -78,11 +69,9 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
 }
 
 bool Dispatcher::slice_ended(UnitId unit, TaskId task, Nanos now, Effects& out) {
-  const auto input = [&] {
-    return DispatcherInput{
-        .kind = DispatcherInput::Kind::kSliceEnded, .now = now_, .task = task, .unit = unit};
-  };
-  return take(now, out, input, [&] {
+  const DispatcherInput input = {
+      .kind = DispatcherInput::Kind::kSliceEnded, .task = task, .unit = unit};
+  return take(input, now, out, [&](DispatcherInput&) {
     const TaskSlot slot = tasks_.find(task);
     if (slot == kNoSlot || tasks_[slot].unit != unit || tasks_[slot].suspended) return false;
     const TaskState state = tasks_[slot].state;
@@ -102,10 +91,7 @@ bool Dispatcher::slice_ended(UnitId unit, TaskId task, Nanos now, Effects& out) 
 }
 
 void Dispatcher::cancel(TaskId task, Nanos now, Effects& out) {
-  const auto input = [&] {
-    return DispatcherInput{.kind = DispatcherInput::Kind::kCancel, .now = now_, .task = task};
-  };
-  take(now, out, input, [&] {
+  take({.kind = DispatcherInput::Kind::kCancel, .task = task}, now, out, [&](DispatcherInput&) {
     expire(Expire::kBeforeNow, out);
     const TaskSlot slot = tasks_.find(task);
     if (slot != kNoSlot && tasks_[slot].state == TaskState::kRunning) {
@@ -122,11 +108,9 @@ void Dispatcher::cancel(TaskId task, Nanos now, Effects& out) {
 }
 
 bool Dispatcher::set_unit(UnitId unit, UnitState state, Nanos now, Effects& out) {
-  const auto input = [&] {
-    return DispatcherInput{
-        .kind = DispatcherInput::Kind::kSetUnit, .now = now_, .unit = unit, .state = state};
-  };
-  return take(now, out, input, [&] {
+  const DispatcherInput input = {
+      .kind = DispatcherInput::Kind::kSetUnit, .unit = unit, .state = state};
+  return take(input, now, out, [&](DispatcherInput&) {
     if (unit >= units_.size()) return false;
     expire(Expire::kBeforeNow, out);
     units_[unit].state = state;
@@ -143,10 +127,7 @@ bool Dispatcher::set_unit(UnitId unit, UnitState state, Nanos now, Effects& out)
 }
 
 void Dispatcher::wake(Nanos now, Effects& out) {
-  const auto input = [&] {
-    return DispatcherInput{.kind = DispatcherInput::Kind::kWake, .now = now_};
-  };
-  take(now, out, input, [&] {
+  take({.kind = DispatcherInput::Kind::kWake}, now, out, [&](DispatcherInput&) {
     expire(Expire::kByNow, out);
     settle(out);
     return true;

@@ -171,12 +171,8 @@ class Dispatcher {
     std::vector<std::pair<std::uint32_t, std::uint32_t>> after;
     bool binds = false;  ///< By states and series.
   };
-  template <typename Make, typename Body>
-  bool take(Nanos now, Effects& out, const Make& input, const Body& body);
-  bool count_refused(bool taken) {
-    if (!taken) ++refused_;
-    return taken;
-  }
+  template <typename Body>
+  bool take(DispatcherInput input, Nanos now, Effects& out, const Body& body);
   std::optional<FiringId> submit_if(bool sound, Template* known, std::span<const Task> tasks,
                                     Nanos now, Effects& out);
   void add(Slot firing, std::span<const Task> tasks, Template* known, Effects& out);
@@ -258,11 +254,12 @@ class Dispatcher {
 };
 
 /// Every input goes through here.
-/// @param input  Makes what observers hear; only where somebody listens.
-/// @param body   Carries it out; false if it is refused, and then has changed nothing.
-template <typename Make, typename Body>
-bool Dispatcher::take(Nanos now, Effects& out, const Make& input, const Body& body) {
-  now_ = std::max(now_, now);
+/// @param input  Without its time.
+/// @param body   bool(DispatcherInput&): carries it out; false if it is refused, and then has
+/// changed nothing.
+template <typename Body>
+bool Dispatcher::take(DispatcherInput input, Nanos now, Effects& out, const Body& body) {
+  input.now = now_ = std::max(now_, now);
   std::size_t submitted = 0, started = 0, ended = 0, suspended = 0, resumed = 0;
   if (observer_ != nullptr) {
     submitted = out.submitted.size();
@@ -271,14 +268,15 @@ bool Dispatcher::take(Nanos now, Effects& out, const Make& input, const Body& bo
     suspended = out.suspended.size();
     resumed = out.resumed.size();
   }
-  const bool taken = count_refused(body());
+  const bool taken = body(input);
+  if (!taken) ++refused_;
   if (observer_ != nullptr) {
-    observer_->on_input(input(), {.taken = taken,
-                                  .submitted = std::span(out.submitted).subspan(submitted),
-                                  .started = std::span(out.started).subspan(started),
-                                  .ended = std::span(out.ended).subspan(ended),
-                                  .suspended = std::span(out.suspended).subspan(suspended),
-                                  .resumed = std::span(out.resumed).subspan(resumed)});
+    observer_->on_input(input, {.taken = taken,
+                                .submitted = std::span(out.submitted).subspan(submitted),
+                                .started = std::span(out.started).subspan(started),
+                                .ended = std::span(out.ended).subspan(ended),
+                                .suspended = std::span(out.suspended).subspan(suspended),
+                                .resumed = std::span(out.resumed).subspan(resumed)});
   }
   return taken;
 }

@@ -26,20 +26,17 @@ std::optional<FiringId> Dispatcher::submit(TemplateId of, std::span<const Task> 
 std::optional<FiringId> Dispatcher::submit_if(bool sound, Template* known,
                                               std::span<const Task> tasks, Nanos now,
                                               Effects& out) {
-  FiringId firing = kNoTask;
-  const auto input = [&] {
-    return DispatcherInput{
-        .kind = DispatcherInput::Kind::kSubmit, .now = now_, .firing = firing, .tasks = tasks};
-  };
-  take(now, out, input, [&] {
-    if (!sound) return false;
-    const Slot slot = tasks_.add_firing();
-    firing = tasks_.firing_id(slot);
-    add(slot, tasks, known, out);
-    place_added(out);
-    return true;
-  });
-  return sound ? std::optional(firing) : std::nullopt;
+  std::optional<FiringId> firing;
+  take({.kind = DispatcherInput::Kind::kSubmit, .tasks = tasks}, now, out,
+       [&](DispatcherInput& input) {
+         if (!sound) return false;
+         const Slot slot = tasks_.add_firing();
+         input.firing = firing.emplace(tasks_.firing_id(slot));
+         add(slot, tasks, known, out);
+         place_added(out);
+         return true;
+       });
+  return firing;
 }
 
 /// What was added is submitted.
