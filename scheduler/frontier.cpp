@@ -12,26 +12,6 @@ namespace {
 constexpr int kRates = 6;     ///< Between the slowest and the fastest.
 constexpr int kInFlight = 8;  ///< Frames, at most.
 
-class Frontier {
- public:
-  Frontier(const Platform& platform, const Profile* profile, const Mix& mix, ModeRuns& runs)
-      : platform_(platform), profile_(profile), mix_(mix), runs_(runs) {}
-
-  void add(ScheduleOptions options, Objective objective) {
-    options.mode = "budget";
-    options.objective = objective;
-    RunRecord run = run_virtual(platform_, profile_, mix_, options);
-    if (std::ranges::find(runs_.runs, run) == runs_.runs.end())
-      runs_.runs.push_back(std::move(run));
-  }
-
- private:
-  const Platform& platform_;
-  const Profile* profile_;
-  const Mix& mix_;
-  ModeRuns& runs_;
-};
-
 }  // namespace
 
 ModeRuns run_frontier(const Platform& platform, const Profile* profile, const Mix& mix,
@@ -40,9 +20,14 @@ ModeRuns run_frontier(const Platform& platform, const Profile* profile, const Mi
   plain.objective.reset();
   plain.min_rate_per_ms.reset();
   ModeRuns runs = run_modes(platform, profile, mix, modes, plain.without_budget());
-  Frontier frontier(platform, profile, mix, runs);
+  const auto add = [&](ScheduleOptions with, Objective objective) {
+    with.mode = "budget";
+    with.objective = objective;
+    RunRecord run = run_virtual(platform, profile, mix, with);
+    if (std::ranges::find(runs.runs, run) == runs.runs.end()) runs.runs.push_back(std::move(run));
+  };
   for (const auto objective : {Objective::kRate, Objective::kLatency, Objective::kEnergy}) {
-    frontier.add(plain, objective);
+    add(plain, objective);
   }
   if (mix.open_loop()) return runs;
   const auto rate = [](const RunRecord& run) { return run.throughput_per_ms.value_or(0); };
@@ -51,12 +36,12 @@ ModeRuns run_frontier(const Platform& platform, const Profile* profile, const Mi
   for (int i = 1; i <= kRates; ++i) {
     ScheduleOptions least = plain;
     least.min_rate_per_ms = slowest + (fastest - slowest) * i / (kRates + 1);
-    frontier.add(least, Objective::kEnergy);
+    add(least, Objective::kEnergy);
   }
   for (int frames = 1; frames <= kInFlight && !options.in_flight; ++frames) {
     ScheduleOptions few = plain;
     few.in_flight = frames;
-    frontier.add(few, Objective::kRate);
+    add(few, Objective::kRate);
   }
   return runs;
 }

@@ -101,13 +101,7 @@ class Search {
 
  private:
   WhatIfRow found(const std::string& mode, const std::vector<double>& values) {
-    WhatIfRow row{.mode = mode,
-                  .not_run = "",
-                  .holds = {},
-                  .holds_if_long = {},
-                  .holds_if_short = {},
-                  .breaks = {},
-                  .breakage = {}};
+    WhatIfRow row{.mode = mode};
     try {
       for (const double value : values) {
         if (auto breakage = breakage_at(mode, value)) {

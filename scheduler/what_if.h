@@ -39,13 +39,13 @@ struct WhatIfChange {
 
 struct WhatIfRow {
   std::string mode;
-  std::string not_run;          ///< Why not; empty = it was.
-  std::optional<double> holds;  ///< The last value that was found to hold,
+  std::string not_run = {};          ///< Why not; empty = it was.
+  std::optional<double> holds = {};  ///< The last value that was found to hold,
   /// the same where all calls take as long, or as short, as the intervals of a measured profile let
   /// them (absent without such, or where none is found),
-  std::optional<double> holds_if_long, holds_if_short;
-  std::optional<double> breaks;      ///< and the first that was not. Absent: none was found.
-  std::optional<Breakage> breakage;  ///< At `breaks`.
+  std::optional<double> holds_if_long = {}, holds_if_short = {};
+  std::optional<double> breaks = {};      ///< and the first that was not. Absent: none was found.
+  std::optional<Breakage> breakage = {};  ///< At `breaks`.
 };
 
 struct WhatIf {

@@ -42,9 +42,7 @@ void runtime::Submitted::forget_all() {
   inputs.clear();
   options.after.clear();
   callback = nullptr;
-  call.inputs.clear();
-  call.outputs = nullptr;
-  call.state = nullptr;
+  call.let_go();
 }
 
 Runtime::Engine::~Engine() {

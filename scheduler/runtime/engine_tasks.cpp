@@ -1,11 +1,20 @@
 // What becomes of tasks, within the engine's turn.
 #include <algorithm>
+#include <array>
 #include <stdexcept>
 
 #include "characterize/platform/elsewhere.h"
 #include "scheduler/runtime/engine.h"
 
 namespace pirt {
+namespace {
+
+/// By TaskEnd: which count each is of.
+constexpr std::array<std::int64_t RuntimeStatistics::*, kTaskEnds.size()> kCounts = {
+    &RuntimeStatistics::completed, &RuntimeStatistics::failed,    &RuntimeStatistics::dropped,
+    &RuntimeStatistics::expired,   &RuntimeStatistics::cancelled, &RuntimeStatistics::dropped};
+
+}  // namespace
 
 /// Whatever is thrown meanwhile (there may be no memory) ends this task, and no other.
 void Runtime::Engine::take_event(Submitted& task) {
@@ -277,24 +286,7 @@ void Runtime::Engine::decide(Submitted& task, TaskEnd end) {
   task.end.store(static_cast<int>(end), std::memory_order_release);
   const auto& deadline = task.options.deadline;
   if (deadline && now_ > later_by(task.submitted_at, *deadline)) ++counts_.late;
-  switch (end) {
-    case TaskEnd::kCompleted:
-      ++counts_.completed;
-      break;
-    case TaskEnd::kFailed:
-      ++counts_.failed;
-      break;
-    case TaskEnd::kDropped:
-    case TaskEnd::kNoPredecessor:
-      ++counts_.dropped;
-      break;
-    case TaskEnd::kExpired:
-      ++counts_.expired;
-      break;
-    case TaskEnd::kCancelled:
-      ++counts_.cancelled;
-      break;
-  }
+  ++(counts_.*kCounts.at(static_cast<std::size_t>(end)));
 }
 
 /// It is told when the turn is over. Whoever cancels it forgets it, at once or when its call ends.
