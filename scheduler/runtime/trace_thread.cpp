@@ -58,15 +58,10 @@ class TraceThread::Teller {
     answer.resumed = take(effects.resumed, resumed_, answer.resumed.size());
     writer_.on_input(input, answer);
   }
-  void operator()(const Submitted& event) {
-    writer_.submitted(event.task, event.pipeline, event.position, event.firing);
+  template <typename... Args>
+  void operator()(const Told<Args...>& event) {
+    std::apply([&](Args... args) { (writer_.*event.what)(args...); }, event.args);
   }
-  void operator()(const Arrived& event) {
-    writer_.arrived(event.servers_index, event.job, event.power_w);
-  }
-  void operator()(const Drawing& event) { writer_.drawing(event.servers_index, event.by_w); }
-  void operator()(const Departed& event) { writer_.departed(event.servers_index, event.job); }
-  void operator()(const Preparing& event) { writer_.preparing(event.task, event.now, event.takes); }
   void operator()(const Settled& event) {
     writer_.settled(event.now, take(batch_.waiting, waiting_, event.waiting));
   }
@@ -147,32 +142,6 @@ void TraceThread::on_input(const DispatcherInput& input, const Answer& answer) {
   append(filling_.effects.suspended, answer.suspended);
   append(filling_.effects.resumed, answer.resumed);
   add(Input{input, answer});
-}
-
-void TraceThread::submitted(TaskId task, std::size_t pipeline, std::size_t position,
-                            std::uint64_t firing) {
-  const auto lock = room();
-  add(Submitted{task, pipeline, position, firing});
-}
-
-void TraceThread::arrived(std::size_t servers_index, std::uint32_t job, double power_w) {
-  const auto lock = room();
-  add(Arrived{servers_index, job, power_w});
-}
-
-void TraceThread::departed(std::size_t servers_index, std::uint32_t job) {
-  const auto lock = room();
-  add(Departed{servers_index, job});
-}
-
-void TraceThread::drawing(std::size_t servers_index, double by_w) {
-  const auto lock = room();
-  add(Drawing{servers_index, by_w});
-}
-
-void TraceThread::preparing(TaskId task, Nanos now, Nanos takes) {
-  const auto lock = room();
-  add(Preparing{task, now, takes});
 }
 
 void TraceThread::settled(Nanos now, std::span<const int> waiting) {

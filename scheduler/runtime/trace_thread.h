@@ -8,6 +8,7 @@
 
 #include <exception>
 #include <mutex>
+#include <tuple>
 #include <variant>
 #include <vector>
 
@@ -28,11 +29,21 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
 
   void on_input(const DispatcherInput& input, const Answer& answer) override;
   void submitted(TaskId task, std::size_t pipeline, std::size_t position,
-                 std::uint64_t firing) override;
-  void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
-  void departed(std::size_t servers_index, std::uint32_t job) override;
-  void drawing(std::size_t servers_index, double by_w) override;
-  void preparing(TaskId task, Nanos now, Nanos takes) override;
+                 std::uint64_t firing) override {
+    note(&RunObserver::submitted, task, pipeline, position, firing);
+  }
+  void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override {
+    note(&RunObserver::arrived, servers_index, job, power_w);
+  }
+  void departed(std::size_t servers_index, std::uint32_t job) override {
+    note(&RunObserver::departed, servers_index, job);
+  }
+  void drawing(std::size_t servers_index, double by_w) override {
+    note(&RunObserver::drawing, servers_index, by_w);
+  }
+  void preparing(TaskId task, Nanos now, Nanos takes) override {
+    note(&RunObserver::preparing, task, now, takes);
+  }
   void settled(Nanos now, std::span<const int> waiting) override;
 
   /// Until the writer has heard all. Nothing may be told afterwards.
@@ -44,34 +55,20 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
     DispatcherInput input;  ///< Of tasks and decisions only the number counts.
     Answer answer;
   };
-  struct Submitted {
-    TaskId task;
-    std::size_t pipeline, position;
-    std::uint64_t firing;
-  };
-  struct Arrived {
-    std::size_t servers_index;
-    std::uint32_t job;
-    double power_w;
-  };
-  struct Drawing {
-    std::size_t servers_index;
-    double by_w;
-  };
-  struct Departed {
-    std::size_t servers_index;
-    std::uint32_t job;
-  };
-  struct Preparing {
-    TaskId task;
-    Nanos now, takes;
+  /// Something that an observer was told, with all that it shows.
+  template <typename... Args>
+  struct Told {
+    void (RunObserver::*what)(Args...);
+    std::tuple<Args...> args;
   };
   struct Settled {
     Nanos now;
     std::size_t waiting;
   };
-  using Event = std::variant<Input, Submitted, Arrived, Departed, Drawing, Preparing, Settled>;
-
+  using Event =
+      std::variant<Input, Settled, Told<TaskId, std::size_t, std::size_t, std::uint64_t>,
+                   Told<std::size_t, std::uint32_t, double>, Told<std::size_t, std::uint32_t>,
+                   Told<std::size_t, double>, Told<TaskId, Nanos, Nanos>>;
   /// Events in order, and what they show, each kind in order too. Keeps its memory.
   struct Batch {
     std::vector<Event> events;
@@ -87,6 +84,11 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
 
   [[nodiscard]] std::unique_lock<runtime::Mutex> room();
   void add(const Event& event);
+  template <typename... Args>
+  void note(void (RunObserver::*what)(Args...), Args... args) {
+    const auto lock = room();
+    add(Told<Args...>{what, {args...}});
+  }
   void write();
   void stop();
 
