@@ -24,7 +24,7 @@ struct Analysed {
   UnitId unit = 0;
   Nanos period{0};
   Nanos takes{0};
-  Nanos slice{0};      ///< Of these, until it can be left at most.
+  Nanos slice{0};      ///< Of these, until it can be suspended at most.
   Nanos deadline{0};   ///< From its firing.
   Nanos slack{0};      ///< From its firing to when it has to start.
   Nanos tolerates{0};  ///< At most so long others hold its unit when it is ready.
@@ -54,8 +54,7 @@ class Analysis {
   std::vector<Guarantee> run() {
     std::vector<Guarantee> results(scenario_.mix.pipelines.size());
     const auto obstacles = all_obstacles();
-    std::erase_if(tasks_, [&](const Analysed& task) { return !obstacles[task.pipeline].empty(); });
-    const auto all = std::exchange(tasks_, {});
+    const auto all = take_analysable(obstacles);
     for (std::size_t p = 0; p < results.size(); ++p) {
       if (!is_periodic(p)) continue;
       results[p].not_analysed = obstacles[p];
@@ -69,9 +68,7 @@ class Analysis {
 
   /// Sets how long others may hold the units of @p plan's tasks.
   void protect(BudgetPlan& plan) {
-    const auto obstacles = all_obstacles();
-    std::erase_if(tasks_, [&](const Analysed& task) { return !obstacles[task.pipeline].empty(); });
-    const auto all = std::exchange(tasks_, {});
+    const auto all = take_analysable(all_obstacles());
     std::vector<bool> done(plan.tasks.size(), false);
     for (const Analysed& first : all) {
       if (done[first.entry]) continue;
@@ -88,6 +85,11 @@ class Analysis {
   }
 
  private:
+  std::vector<Analysed> take_analysable(const std::vector<std::string>& obstacles) {
+    std::erase_if(tasks_, [&](const Analysed& task) { return !obstacles[task.pipeline].empty(); });
+    return std::exchange(tasks_, {});
+  }
+
   /// As much of the time that guaranteed tasks have is left to others as no guarantee is lost by:
   /// any, or all that they have alone, half of that and so on. False where nothing is guaranteed.
   bool share_slack() {
@@ -307,9 +309,9 @@ class Analysis {
     return ready;
   }
 
-  /// Whether calls of the unit are left between slices: by deadline, not by when they have to
+  /// Whether calls of the unit are suspended between slices: by deadline, not by when they have to
   /// start.
-  [[nodiscard]] bool leaves_calls(UnitId unit) const {
+  [[nodiscard]] bool suspends_calls(UnitId unit) const {
     return std::ranges::any_of(tasks_, [unit](const Analysed& each) {
       return each.unit == unit && each.slice < each.takes;
     });
@@ -321,7 +323,7 @@ class Analysis {
                                    Nanos until) const {
     const Nanos spread = other.late + other.ready;
     Nanos sooner = task.slack - other.slack;
-    if (leaves_calls(task.unit)) sooner = std::max(sooner, task.deadline - other.deadline);
+    if (suspends_calls(task.unit)) sooner = std::max(sooner, task.deadline - other.deadline);
     return std::min(count_in(into + sooner + spread, other.period),
                     count_in(until + spread, other.period));
   }
@@ -360,7 +362,7 @@ class Analysis {
       Nanos next = blocking + own * task.takes;
       for (const Analysed& other : tasks_) {
         if (!compete(other, task)) continue;
-        // What can be left may be until its end.
+        // What can be suspended may be until its end.
         const Nanos until = task.slice < task.takes ? start + task.takes : start;
         const std::int64_t firings = ahead(task, other, into, until);
         next += firings * (other.takes + idle_for(task, other, blocking));

@@ -2,8 +2,9 @@
 // it is no longer than the deadline.
 //
 // It holds for calls that take no longer than the plan's worst times, on units that serve their
-// tasks alone: one at a time, in the order of budget.cpp, and left for more urgent ones at the ends
-// of slices at most. Each task with a deadline is looked at on the unit that the plan gives it.
+// tasks alone: one at a time, in the order of budget.cpp, and suspended for more urgent ones at the
+// ends of slices at most. Each task with a deadline is looked at on the unit that the plan gives
+// it.
 //
 // @source George, Rivierre, Spuri: Preemptive and Non-Preemptive Real-Time UniProcessor Scheduling,
 // INRIA RR-2966, 1996 (a task's response by its place in a busy period, blocking included);

@@ -224,29 +224,29 @@ class Planning {
   }
 
   bool change_capacity(std::size_t entry, UnitId unit, int by) {
-    bool changed = false;
-    while (may_try()) {
-      BudgetChoice other = choice_;
+    return repeat([&](BudgetChoice& other) {
       BudgetPlan::Task& task = other.plan.tasks[entry];
       task.capacity[unit] += by;
-      const bool any = std::ranges::any_of(task.capacity, [](int each) { return each > 0; });
-      if (task.capacity[unit] < 0 || !any || task.capacity[unit] > 1000) break;
       if (own_in_flight(task.pipeline)) {
         other.in_flight[task.pipeline] = std::max(1, other.in_flight[task.pipeline] + by);
       }
-      if (!consider(std::move(other))) break;
-      changed = true;
-    }
-    return changed;
+      const bool any = std::ranges::any_of(task.capacity, [](int each) { return each > 0; });
+      return any && task.capacity[unit] >= 0 && task.capacity[unit] <= 1000;
+    });
   }
 
   bool change_in_flight(std::size_t pipeline, int by) {
+    return repeat([&](BudgetChoice& other) { return (other.in_flight[pipeline] += by) >= 1; });
+  }
+
+  /// As long as that is better. @param change  bool(BudgetChoice&): false if it cannot be.
+  /// @return  Whether it was at all.
+  template <typename Change>
+  bool repeat(const Change& change) {
     bool changed = false;
     while (may_try()) {
       BudgetChoice other = choice_;
-      other.in_flight[pipeline] += by;
-      if (other.in_flight[pipeline] < 1) break;
-      if (!consider(std::move(other))) break;
+      if (!change(other) || !consider(std::move(other))) break;
       changed = true;
     }
     return changed;
@@ -330,7 +330,7 @@ bool serves_all(const Scenario& scenario, const Policy& policy) {
 }
 
 /// The plan of each objective, that of the options first, and modes that plan nothing; those know
-/// no cap and leave no call between slices.
+/// no cap and suspend no call between slices.
 std::vector<Candidate> candidates_of(const ModeSetup& setup, const ScheduleOptions& options) {
   std::vector<Candidate> candidates;
   Trial trial(setup, kCandidateTasks);

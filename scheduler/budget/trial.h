@@ -31,7 +31,7 @@ struct TrialResult {
 class Trial {
  public:
   /// @param setup   Of mode budget; must outlive it.
-  /// @param slices  Calls are left where their workloads say so, if the setup has that.
+  /// @param slices  Calls are suspended where their workloads say so, if the setup has that.
   Trial(const ModeSetup& setup, double tasks, bool slices = true);
 
   [[nodiscard]] TrialResult run(const BudgetChoice& choice);

@@ -50,7 +50,7 @@ std::vector<std::vector<int>> draw_levels(const DagParameters& parameters, Rando
   double sum = 0;
   for (int level = 0; level < height; ++level) bounds.push_back(sum += random.uniform(0.5, 1.5));
   std::vector<int> widths(static_cast<std::size_t>(height), 1);
-  for (int left = parameters.tasks - height; left > 0; --left) {
+  for (int more = parameters.tasks - height; more > 0; --more) {
     const double at = random.uniform(0, sum);
     const auto level = std::ranges::upper_bound(bounds, at) - bounds.begin();
     ++widths[static_cast<std::size_t>(std::min<std::ptrdiff_t>(level, height - 1))];
@@ -98,7 +98,7 @@ Predecessors draw_edges(const DagParameters& parameters,
       const int wanted =
           1 + static_cast<int>(random.below(static_cast<std::uint64_t>(parameters.out_degree)));
       // A draw may hit an edge that there is; then the task has one fewer.
-      for (int left = wanted - degree[static_cast<std::size_t>(task)]; left > 0; --left) {
+      for (int more = wanted - degree[static_cast<std::size_t>(task)]; more > 0; --more) {
         const bool next = random.below(4) != 0;
         const int end = next ? levels[l + 1].back() + 1 : parameters.tasks;
         add(task, below + static_cast<int>(random.below(static_cast<std::uint64_t>(end - below))));

@@ -28,8 +28,8 @@ struct BudgetPlan {
     std::vector<Nanos> prepare;    ///< By unit: what it adds where another program was before.
     std::vector<double> window_j;  ///< By unit: the most that a call draws in a second, above idle.
     Nanos behind{0};               ///< The longest way from its end to that of its firing.
-    /// By unit: of such a call the longest time until it ends or can be left; empty = it cannot be
-    /// left anywhere.
+    /// By unit: of such a call the longest time until it ends or can be suspended; empty = it
+    /// cannot be anywhere.
     std::vector<Nanos> slice = {};
     /// Of a task of a pipeline that has a guarantee, on the first of its units: from its firing, it
     /// is ready after `ready` at most, and calls of what has no rate or no deadline may hold the

@@ -40,8 +40,8 @@ std::optional<UnitId> CompletionEstimate::best_unit(const TaskClass& task, const
   std::optional<UnitId> best;
   Nanos first_end = Nanos::max();
   const Nanos* const totals = &totals_[task.workload * accounts_.size()];
-  for (UnitMask left = task.eligible & units.up & local_; left != 0; left &= left - 1) {
-    const auto unit = static_cast<UnitId>(std::countr_zero(left));
+  for (UnitMask mask = task.eligible & units.up & local_; mask != 0; mask &= mask - 1) {
+    const auto unit = static_cast<UnitId>(std::countr_zero(mask));
     if (earliest_begin(unit, units) + totals[unit] >= first_end) continue;
     const Nanos end = completion(task, unit, units);
     if (end >= first_end) continue;
@@ -72,15 +72,16 @@ void CompletionEstimate::Account::give(Nanos work, int load) {
 std::optional<Nanos> CompletionEstimate::corrected_idle(const TaskClass& task, UnitId unit,
                                                         const UnitsView& units) const {
   const Account& account = accounts_[unit];
-  Nanos left{0};
-  for (const Nanos idle_at : account.idle_at) left += std::max(Nanos::zero(), idle_at - units.now);
+  Nanos remaining{0};
+  for (const Nanos idle_at : account.idle_at)
+    remaining += std::max(Nanos::zero(), idle_at - units.now);
   const auto load = std::int64_t{units.load[unit]};
   const auto servers = static_cast<std::int64_t>(account.idle_at.size());
   const Nanos least =
       account.work_of_last(load - std::max(servers, in_service_[task.workload][unit]));
   const Nanos most = account.work_of_last(load);
-  const Nanos right = std::clamp(left, least, most);
-  if (right == left) return std::nullopt;
+  const Nanos right = std::clamp(remaining, least, most);
+  if (right == remaining) return std::nullopt;
   return units.now + right / servers;
 }
 
@@ -91,7 +92,7 @@ Nanos CompletionEstimate::completion(const TaskClass& task, UnitId unit, const U
   const auto corrected = corrected_idle(task, unit, units);
   const Nanos begin = corrected.value_or(idle);
   // While the account is right it begins when the first server is idle, and that is never later
-  // than all of them are on average; where there is more left to do than that, so far from now.
+  // than all of them are on average; where more remains to be done than that, so far from now.
   earliest_[unit] = {.begin = std::min(begin, idle), .load = units.load[unit]};
   return begin + total;
 }

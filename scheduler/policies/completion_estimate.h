@@ -2,9 +2,9 @@
 //
 // The dispatcher knows no durations, so a policy that asks for them keeps this account: for each
 // server of a unit when it will be idle. It corrects itself by the load that the dispatcher shows:
-// a unit with fewer tasks than servers has an idle one, and what is left to do on it is no less
-// than the work of the tasks that have to wait, and no more than that of all that it was given and
-// has not completed, whatever the account says.
+// a unit with fewer tasks than servers has an idle one, and what remains to be done on it is no
+// less than the work of the tasks that have to wait, and no more than that of all that it was given
+// and has not completed, whatever the account says.
 #pragma once
 
 #include <algorithm>

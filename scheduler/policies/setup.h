@@ -51,7 +51,7 @@ struct ScheduleOptions {
   std::vector<std::string> without;  ///< Units that serve nothing; they draw idle power.
   bool strict = false;               ///< Profile rows that are doubted are not used.
   /// Tasks with a nearer deadline are let in between two slices of a call, where its workload says
-  /// that it can be left; absent = in mode budget alone.
+  /// that it can be suspended; absent = in mode budget alone.
   std::optional<bool> slices = {};
   Draw draw = Draw::kMedian;      ///< What a profile's rows take.
   std::optional<Nanos> duration;  ///< Of open loops; absent = kDefaultDuration.

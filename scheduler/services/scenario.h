@@ -28,7 +28,7 @@ struct Scenario {
   Nanos duration{0};
   std::uint64_t seed = 1;
   std::optional<Faults> faults = {};  ///< Absent = every call completes.
-  bool slices = false;                ///< Calls are left where their workloads say so.
+  bool slices = false;                ///< Calls are suspended where their workloads say so.
 };
 
 /// Services and classes of the mix's tasks; the rest is left to the caller.

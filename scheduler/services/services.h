@@ -60,7 +60,7 @@ struct Service {
   /// else happens.
   std::optional<CallConditions> conditions = std::nullopt;
   /// Of the longest stage on the unit itself, the parts after each of which but the last the call
-  /// can be left, as shares of its time; empty = it cannot.
+  /// can be suspended, as shares of its time; empty = it cannot.
   std::vector<double> slices = {};
 
   /// Of the stage's time before the scale, how much draws active_w: none of a metered call's.
@@ -96,7 +96,7 @@ struct ServiceTable {
     return entry.service ? &*entry.service : nullptr;
   }
   [[nodiscard]] UnitMask units_of(WorkloadId workload) const;
-  /// From now on no call is left between two slices.
+  /// From now on no call is suspended between two slices.
   void keep_calls_whole();
 };
 
@@ -133,7 +133,7 @@ struct ServiceOptions {
   std::vector<std::string> without;           ///< Units that serve nothing.
   bool strict = false;                        ///< Rows that are doubted are not used either.
   Draw draw = Draw::kMedian;                  ///< kSamples: the profile's samples have been read.
-  bool slices = false;                        ///< Calls are left where their workloads say so.
+  bool slices = false;                        ///< Calls are suspended where their workloads say so.
 };
 
 /// @param profile    Null = only what the platform file says.

@@ -145,8 +145,8 @@ void Firings::submitted(std::uint32_t p, FiringId id, std::span<const TaskId> ta
   Firing& firing = firings_[slot];
   firing.id = id;
   firing.pipeline = p;
-  firing.tasks_left = static_cast<std::uint32_t>(tasks.size());
-  firing.images_left = state.image_tasks;
+  firing.tasks_remaining = static_cast<std::uint32_t>(tasks.size());
+  firing.images_remaining = state.image_tasks;
   firing.complete = firing.only_no_predecessor = true;
   firing.number = static_cast<std::uint64_t>(tallies_[p].fired - 1);
   firing.fired_at = now;
@@ -207,11 +207,11 @@ std::optional<FiringId> Firings::end_task(JobIndex job, TaskEnd how, Nanos now) 
     firing.complete = false;
     firing.only_no_predecessor = firing.only_no_predecessor && how == TaskEnd::kNoPredecessor;
   }
-  if (state.pipeline->tasks[place.task].image_input && --firing.images_left == 0 &&
+  if (state.pipeline->tasks[place.task].image_input && --firing.images_remaining == 0 &&
       (state.kept.empty() || !state.kept.contains(firing.number))) {
     --buffers_used_;
   }
-  if (--firing.tasks_left > 0) return std::nullopt;
+  if (--firing.tasks_remaining > 0) return std::nullopt;
   firing.made.clear();
   end_firing(firing, now);
   return firing.id;
@@ -274,7 +274,7 @@ bool Firings::finds_buffer(const PipelineState& state) const {
 
 void Firings::count_unfinished(std::vector<PipelineTally>& tallies, Nanos end) const {
   for (const Firing& firing : firings_) {
-    if (firing.tasks_left == 0) continue;
+    if (firing.tasks_remaining == 0) continue;
     PipelineTally& tally = tallies[firing.pipeline];
     ++tally.unfinished;
     const Pipeline& pipeline = *pipelines_[firing.pipeline].pipeline;

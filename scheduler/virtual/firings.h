@@ -103,8 +103,8 @@ class Firings {
   struct Firing {
     FiringId id = kNoTask;
     std::uint32_t pipeline = 0;
-    std::uint32_t tasks_left = 0;  ///< 0: over.
-    std::uint32_t images_left = 0;
+    std::uint32_t tasks_remaining = 0;  ///< 0: over.
+    std::uint32_t images_remaining = 0;
     bool complete = true;
     bool only_no_predecessor = true;  ///< Of the tasks that it lost.
     std::uint64_t number = 0;

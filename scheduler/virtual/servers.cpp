@@ -67,7 +67,7 @@ class FifoServers final : public Servers {
     }
     const auto at = std::ranges::find(busy_, job, &Busy::job);
     if (at == busy_.end()) return std::nullopt;
-    const Nanos left = at->end.time - now;
+    const Nanos rest = at->end.time - now;
     busy_.erase(at);
     std::ranges::make_heap(busy_, std::greater{});
     next_ = busy_.empty() ? Moment{} : busy_.front().end;
@@ -78,7 +78,7 @@ class FifoServers final : public Servers {
       waiting_.pop_front();
       serve(first, now);
     }
-    return left;
+    return rest;
   }
 
   std::vector<std::pair<JobId, Nanos>> remaining(Nanos now) const override {
@@ -118,8 +118,8 @@ class FifoServers final : public Servers {
 /// All jobs progress alike, so that one number is enough: the work that a job present from the
 /// start would have had done ("virtual time" of the queueing literature). A job ends when that
 /// reaches its value at arrival plus its work. Both are kept in 2^-32 ns, in 128 bits, so that jobs
-/// leave, and the others speed up, between whole nanoseconds; only what is reported of a completion
-/// rounds, up to the next.
+/// depart, and the others speed up, between whole nanoseconds; only what is reported of a
+/// completion rounds, up to the next.
 /// @source  Demers, Keshav, Shenker: Analysis and Simulation of a Fair Queueing Algorithm, SIGCOMM
 /// 1989.
 class SharedServers final : public Servers {
@@ -155,17 +155,17 @@ class SharedServers final : public Servers {
 
   std::optional<Nanos> remove(JobId job, Nanos now) override {
     progress(fixed(now));
-    std::optional<Nanos> left;
+    std::optional<Nanos> rest;
     if (const auto at = std::ranges::find(departed_, job, &Departed::job); at != departed_.end()) {
       departed_.erase(at);
-      left = Nanos::zero();
+      rest = Nanos::zero();
     } else if (const auto in = std::ranges::find(jobs_, job, &Job::job); in != jobs_.end()) {
-      left = round_up(in->end - done_);
+      rest = round_up(in->end - done_);
       jobs_.erase(in);
       std::ranges::make_heap(jobs_, later);
     }
     find_next();
-    return left;
+    return rest;
   }
 
   std::vector<std::pair<JobId, Nanos>> remaining(Nanos now) const override {
@@ -202,9 +202,9 @@ class SharedServers final : public Servers {
 
   /// When the first job ends if nothing arrives, rounded up to 2^-32 ns.
   Fixed first_end() const {
-    const Fixed left = jobs_.front().end - done_;
+    const Fixed rest = jobs_.front().end - done_;
     const auto jobs = static_cast<Fixed>(jobs_.size());
-    return last_ + (jobs <= servers_ ? left : (left * jobs + servers_ - 1) / servers_);
+    return last_ + (jobs <= servers_ ? rest : (rest * jobs + servers_ - 1) / servers_);
   }
 
   void progress(Fixed now) {

@@ -42,7 +42,7 @@ class Servers {
   virtual void go_on(Nanos work, std::uint64_t sequence) {
     static_cast<void>(work), static_cast<void>(sequence);
   }
-  /// The job leaves without being complete. @return  The server time that it still needed; absent
+  /// The job departs without being complete. @return  The server time that it still needed; absent
   /// if it is not here.
   /// @param now  Not after next().
   virtual std::optional<Nanos> remove(JobId job, Nanos now) = 0;
