@@ -192,6 +192,13 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
     record.warnings.push_back("stalled: nothing is ever going to start " +
                               std::to_string(record.stalled) + " of the tasks that are queued");
   }
+  for (const PipelineResult& pipeline : record.pipelines) {
+    if (!pipeline.never_ran) continue;
+    record.warnings.push_back(
+        fmt::format("never ran: {}: of {} firings no task was ever begun; it has to have another "
+                    "unit, or shorter calls, or less beside it",
+                    pipeline.pipeline, pipeline.fired));
+  }
   add_warnings(scenario, mode, record.warnings);
   return record;
 }

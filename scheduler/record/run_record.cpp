@@ -81,6 +81,7 @@ void visit(Visitor& visitor, Pipeline& pipeline) {
   visitor.field("completed", pipeline.completed);
   visitor.field("dropped", pipeline.dropped);
   visitor.field("unfinished", pipeline.unfinished);
+  visitor.field("never_ran", pipeline.never_ran);
   visitor.field("no_predecessor", pipeline.no_predecessor);
   visitor.field("queued", pipeline.queued);
   visitor.field("real_time", pipeline.real_time);

@@ -56,6 +56,7 @@ struct PipelineResult {
   /// Of the dropped ones, those that no earlier firing had made data for. Absent where none is
   /// read.
   std::optional<std::int64_t> no_predecessor;
+  std::optional<bool> never_ran;  ///< It fired, and no task of it was ever begun; else absent.
   /// Of the unfinished ones, those that came more than a period ago, and their deadline if that is
   /// later. Open loops only.
   std::optional<std::int64_t> queued;

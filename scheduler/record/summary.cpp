@@ -90,6 +90,7 @@ PipelineResult summarize_pipeline(const Pipeline& pipeline, const PipelineTally&
   result.completed = tally.completed;
   result.dropped = tally.dropped;
   result.unfinished = tally.unfinished;
+  if (tally.fired > 0 && !tally.ran) result.never_ran = true;
   if (reads_earlier) result.no_predecessor = tally.no_predecessor;
   if (pipeline.rate_hz) result.queued = tally.queued;
   result.real_time = pipeline.real_time;

@@ -28,6 +28,7 @@ struct PipelineTally {
   std::int64_t dropped = 0;         ///< Found no buffer, or lost a task on the way.
   std::int64_t no_predecessor = 0;  ///< Of `dropped`: no earlier firing made what they read.
   std::int64_t unfinished = 0;      ///< The others.
+  bool ran = false;         ///< A task of it completed, failed, or was on a unit at the end.
   std::int64_t queued = 0;  ///< Of these, those that came more than a period, or a deadline, ago.
   std::int64_t deadline_misses = 0;  ///< Completed late, or unfinished after its deadline.
   Histogram latency;                 ///< Firing to the last task's completion.

@@ -203,6 +203,7 @@ std::optional<FiringId> Firings::end_task(JobIndex job, TaskEnd how, Nanos now) 
   const TaskPlace& place = places_[job];
   Firing& firing = firings_[place.slot];
   PipelineState& state = pipelines_[place.pipeline];
+  if (how == TaskEnd::kCompleted || how == TaskEnd::kFailed) tallies_[place.pipeline].ran = true;
   if (how != TaskEnd::kCompleted) {
     firing.complete = false;
     firing.only_no_predecessor = firing.only_no_predecessor && how == TaskEnd::kNoPredecessor;

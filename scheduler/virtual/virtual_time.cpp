@@ -120,6 +120,10 @@ void VirtualTime::close_books(Nanos end) {
                           part_served(job, busy));
   }
   at_end_ = std::move(books).close(end, dispatcher_.counts(), firings_);
+  for (JobIndex job = 0; job < jobs_.size(); ++job) {
+    if (dispatcher_.state(jobs_[job].id) != TaskState::kRunning) continue;
+    at_end_->pipelines[firings_.place(job).pipeline].ran = true;
+  }
 }
 
 WorkloadId VirtualTime::workload_of(const Job& job) const { return plans_[job.plan].workload; }

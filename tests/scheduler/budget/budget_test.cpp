@@ -124,6 +124,9 @@ TEST(Budget, WhatFitsNowhereWaitsForTheEnd) {
   EXPECT_EQ(record.pipelines[1].completed, 0);
   EXPECT_EQ(record.pipelines[1].unfinished, 8);
   EXPECT_EQ(record.stalled, 0) << "once no plan comes any more, the jobs are done";
+  EXPECT_EQ(record.pipelines[0].never_ran, std::nullopt);
+  EXPECT_EQ(record.pipelines[1].never_ran, true);
+  EXPECT_THAT(record.warnings, testing::Contains(HasSubstr("never ran: mapping: of 8 firings")));
 }
 
 /// One pipeline that fires each 100 ms with a deadline of 10 and takes 2, and one without.
