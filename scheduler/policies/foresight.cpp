@@ -116,10 +116,6 @@ std::optional<Foresight::Demand> Foresight::demand(std::uint32_t entry, std::siz
                 false};
 }
 
-std::optional<Foresight::Demand> Foresight::next_demand(const Demand& last, Nanos now) const {
-  return demand(last.entry, last.place + 1, last.waits, now);
-}
-
 std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, UnitId unit,
                                                        Nanos now) {
   if (on_[unit].empty()) return std::nullopt;
@@ -157,7 +153,7 @@ std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, Unit
     demands_.pop_back();
     if (each.latest_end >= own_end) break;
     if (each.ready >= std::max(ends, free_behind)) continue;  // Nor do later ones meet the task.
-    if (const auto next = next_demand(each, now)) {
+    if (const auto next = demand(each.entry, each.place + 1, each.waits, now)) {
       demands_.push_back(*next);
       std::ranges::push_heap(demands_, later);
     }
@@ -185,20 +181,23 @@ std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, Unit
   return Conflict{ask_again};
 }
 
-/// The firing of the most urgent task of the entry that is to be placed, or the next one that
-/// comes, at the earliest; Nanos::max() = none does.
-Nanos Foresight::next_firing(std::uint32_t entry, Nanos now) const {
+/// Of the tasks of the entry that are to be placed, and then of those that come: when the @p
+/// place-th fires, at the earliest. Absent: no such comes.
+std::optional<Nanos> Foresight::firing(std::uint32_t entry, std::size_t place, Nanos now) const {
   const std::size_t pipeline = plan_.tasks[entry].pipeline;
-  if (!waiting_[entry].empty()) {
-    return waiting_[entry].front() - *plan_.pipelines[pipeline].deadline;
-  }
-  return comes(pipeline) ? std::max(now, nominal(pipeline, streams_[pipeline].next)) : Nanos::max();
+  const auto& waiting = waiting_[entry];
+  if (place < waiting.size()) return waiting[place] - *plan_.pipelines[pipeline].deadline;
+  if (!comes(pipeline)) return std::nullopt;
+  const auto more = static_cast<std::int64_t>(place - waiting.size());
+  return std::max(now, nominal(pipeline, streams_[pipeline].next + more));
 }
 
-/// What guaranteed tasks need of the unit that fire before @p until.
-Nanos Foresight::needed_until(UnitId unit, Nanos now, Nanos until) const {
+/// What other tasks with a deadline than those of @p entry need of the unit that may fire before
+/// @p until.
+Nanos Foresight::needed_beside(std::uint32_t entry, UnitId unit, Nanos now, Nanos until) const {
   Nanos sum{0};
   for (const std::uint32_t each : on_[unit]) {
+    if (each == entry) continue;
     const BudgetPlan::Task& task = plan_.tasks[each];
     const std::size_t pipeline = task.pipeline;
     auto calls = static_cast<std::int64_t>(waiting_[each].size());
@@ -214,31 +213,38 @@ Nanos Foresight::needed_until(UnitId unit, Nanos now, Nanos until) const {
 
 /// Whether a call of what has no rate or no deadline would hold the unit longer than guarantees
 /// count on. @return  If so, when it is worth asking again.
+///
+/// A guaranteed task bears to wait for one of its slices, or the call has to have ended by when
+/// that task has to have the unit. What comes before it, as late as it may, may be let in and puts
+/// that end off; the task itself, and what comes behind it, does not.
 std::optional<Nanos> Foresight::breaks_guarantee(const BudgetPlan::Task& asking, UnitId unit,
                                                  Nanos now) const {
-  constexpr int kMostRounds = 50;
-  const Nanos takes = asking.takes(unit);
+  constexpr std::size_t kMostFirings = 50;
+  const bool sliced = asking.can_be_suspended(unit);
+  const Nanos alone = now + asking.takes(unit);
   const Nanos holds = asking.slice_on(unit) + asking.prepare[unit];
-  // It ends, or not before a guaranteed task may need the unit: with slices, only one that does not
-  // bear to wait for one of them counts, but then all that is let in puts the end off.
-  Nanos need = Nanos::max();
+  bool breaks = false;
   Nanos again = Nanos::max();
   for (const std::uint32_t each : on_[unit]) {
     const BudgetPlan::Task& task = plan_.tasks[each];
-    if (!task.tolerates || (asking.can_be_suspended(unit) && holds <= *task.tolerates)) continue;
-    const Nanos firing = next_firing(each, now);
-    if (firing == Nanos::max()) continue;
-    need = std::min(need, firing + task.ready + *task.tolerates);
-    if (waiting_[each].empty()) again = std::min(again, missing(task.pipeline));
+    if (!task.tolerates || (sliced && holds <= *task.tolerates)) continue;
+    if (waiting_[each].empty() && comes(task.pipeline)) {
+      again = std::min(again, missing(task.pipeline));
+    }
+    for (std::size_t place = 0; !breaks && place < kMostFirings; ++place) {
+      const auto fires = firing(each, place, now);
+      if (!fires) break;
+      Nanos ends = alone;
+      if (sliced) {
+        const Nanos late = plan_.pipelines[task.pipeline].jitter + task.ready + Nanos(1);
+        ends += needed_beside(each, unit, now, *fires + late) +
+                static_cast<std::int64_t>(place) * task.takes(unit);
+      }
+      if (*fires >= ends) break;
+      breaks = ends > *fires + task.ready + *task.tolerates;
+    }
   }
-  if (need == Nanos::max()) return std::nullopt;
-  Nanos ends = now + takes;
-  for (int i = 0; asking.can_be_suspended(unit) && ends <= need && i < kMostRounds; ++i) {
-    const Nanos with_others = now + takes + needed_until(unit, now, ends);
-    if (with_others == ends) break;
-    ends = with_others;
-  }
-  return ends > need ? std::optional(again) : std::nullopt;
+  return breaks ? std::optional(again) : std::nullopt;
 }
 
 }  // namespace pirt

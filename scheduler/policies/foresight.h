@@ -69,11 +69,11 @@ class Foresight {
   [[nodiscard]] Nanos missing(std::size_t pipeline) const;
   [[nodiscard]] std::optional<Demand> demand(std::uint32_t entry, std::size_t place, bool waits,
                                              Nanos now) const;
-  [[nodiscard]] std::optional<Demand> next_demand(const Demand& last, Nanos now) const;
   [[nodiscard]] std::optional<Nanos> breaks_guarantee(const BudgetPlan::Task& asking, UnitId unit,
                                                       Nanos now) const;
-  [[nodiscard]] Nanos next_firing(std::uint32_t entry, Nanos now) const;
-  [[nodiscard]] Nanos needed_until(UnitId unit, Nanos now, Nanos until) const;
+  [[nodiscard]] std::optional<Nanos> firing(std::uint32_t entry, std::size_t place,
+                                            Nanos now) const;
+  [[nodiscard]] Nanos needed_beside(std::uint32_t entry, UnitId unit, Nanos now, Nanos until) const;
 
   static constexpr std::int64_t kEnded = 2;  ///< Firings in a row that did not come.
 

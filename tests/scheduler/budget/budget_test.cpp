@@ -182,6 +182,41 @@ TEST(Foresight, KnowsWhatIsToComeAndWhatWaits) {
   EXPECT_NEAR(*ask_again(470), 506, 0.001);
 }
 
+// The next firing comes at 100 ms and bears to wait until 102. A call that has ended by then may
+// begin, though its slices are longer: what comes is not let in before, and puts no end off.
+TEST(Foresight, WhatHasEndedByWhenAGuaranteedTaskNeedsTheUnitMayBegin) {
+  BudgetPlan plan = small_plan();
+  plan.tasks[0].tolerates = milliseconds(2);
+  plan.tasks[0].slice = {milliseconds(2)};
+  plan.tasks[1].worst = {milliseconds(96)};
+  plan.tasks[1].slice = {milliseconds(60)};
+  Foresight foresight(plan);
+  foresight.submitted(firing(Nanos(0)));
+  foresight.departed(0, milliseconds(10));
+  EXPECT_FALSE(foresight.conflict(1, 0, milliseconds(6)));
+  EXPECT_TRUE(foresight.conflict(1, 0, milliseconds(6) + Nanos(1)));
+}
+
+// From the end of a firing to the latest start of the next one there are 46.5 to 56.5 ms.
+TEST(Budget, AClosedLoopRunsInTheGapsThatGuaranteesLeave) {
+  const auto platform = platform_of(
+      "platform: gaps\nunits: {cpu: {role: cpu, slots: 1, active_w: 1}}\n"
+      "workloads: {describe_scene: {cpu: [{on: cpu, ms: 46}]}}\n");
+  const auto mix = mix_of(
+      "mix: gaps\npipelines:\n"
+      "  scene: {closed_loop: {frames: 100000}, real_time: false, tasks: [{workload: "
+      "describe_scene}]}\n"
+      "  urgent: {rate_hz: 20, deadline_ms: 25, jitter_ms: 5, tasks: [{name: t, service_ms: {cpu: "
+      "11.5}}]}\n");
+  ScheduleOptions options;
+  options.duration = from_s(60);
+  const auto record = run(platform, mix, options);
+  EXPECT_EQ(record.pipelines[1].guaranteed, true);
+  EXPECT_EQ(misses(record), 0);
+  EXPECT_GT(record.pipelines[0].completed, 100);
+  EXPECT_EQ(record.pipelines[0].never_ran, std::nullopt);
+}
+
 TEST(Foresight, WhatWouldBeLateItselfDoesNotWait) {
   BudgetPlan plan = small_plan();
   plan.pipelines[1] = {.deadline = milliseconds(100)};
