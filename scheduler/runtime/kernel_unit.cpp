@@ -9,6 +9,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/system/pause.h"
 #include "workloads/base/system/thread.h"
+#include "workloads/model/ranges.h"
 #include "workloads/model/slices.h"
 
 namespace pirt {
@@ -31,6 +32,17 @@ struct Unbinding {
     }
   }
 };
+
+/// A value that is out of its range might be an endless loop, or a state that is no state any more.
+/// @param own  A function of the robot's own takes what it likes where it says nothing of it.
+/// @throws Error{kBadInput}
+void check_values(const Call& call, bool own) {
+  for (std::size_t i = 0; i < call.inputs.size(); ++i) {
+    const TensorSpec& spec = call.workload->inputs[i];
+    if (own && spec.ranges.empty()) continue;
+    if (std::string why = out_of_range(call.inputs[i], spec); !why.empty()) throw_bad_input(why);
+  }
+}
 
 }  // namespace
 
@@ -339,6 +351,7 @@ KernelUnit::Prepared& KernelUnit::prepare(Lane& lane, const Preparation& prepara
   made->kernel = preparation.function ? std::make_unique<FunctionKernel>(preparation.function)
                                       : device_->prepare(workload, preparation.sample->parameters);
   made->function = dynamic_cast<FunctionKernel*>(made->kernel.get());
+  made->own = static_cast<bool>(preparation.function);
   return *lane.kernels.emplace_back(std::move(made));
 }
 
@@ -381,6 +394,7 @@ bool KernelUnit::execute(Lane& lane, Call& call, CallEnd& end) {
   };
   try {
     Prepared& held = prepared(lane, *call.workload, end);
+    check_values(call, held.own);
     if (held.function != nullptr && call.state == nullptr) {
       held.function->bind(call.inputs, outputs_of(call));
       held.function->execute(1);

@@ -143,6 +143,7 @@ class KernelUnit {
     const Workload* workload = nullptr;
     std::unique_ptr<Kernel> kernel;
     FunctionKernel* function = nullptr;    ///< The kernel, if it is one: it has no phases.
+    bool own = false;                      ///< A function of the robot's own.
     const StateValue* resident = nullptr;  ///< Whose value the device has,
     std::uint64_t version = 0;             ///< and which.
   };

@@ -1,15 +1,19 @@
 #include "workloads/model/tensor.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <functional>
+#include <limits>
 #include <new>
 #include <numeric>
 #include <stdexcept>
+#include <type_traits>
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/model/ranges.h"
 
 namespace pirt {
 namespace {
@@ -133,12 +137,25 @@ std::vector<Tensor> make_tensors(std::span<const TensorSpec> specs, TensorMemory
 
 namespace {
 
+/// Of the exponents' bits, without a branch: compilers make vectors of it.
 template <typename T>
-std::string out_of_range_as(const Tensor& tensor) {
+bool all_finite(std::span<const T> values) {
+  using Bits = std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>;
+  const auto exponent = std::bit_cast<Bits>(std::numeric_limits<T>::infinity());
+  Bits none = 0;
+  for (const T value : values) {
+    none |= Bits{(std::bit_cast<Bits>(value) & exponent) == exponent};
+  }
+  return none == 0;
+}
+
+template <typename T>
+std::string out_of_range_as(const Tensor& tensor, const std::vector<Range>& ranges) {
   const auto values = tensor.used<T>();
-  const std::vector<Range>& ranges = tensor.spec().ranges;
   if constexpr (std::is_integral_v<T>) {
     if (ranges.empty()) return "";
+  } else {
+    if (ranges.empty() && all_finite<T>(values)) return "";
   }
   for (std::size_t i = 0; i < values.size(); ++i) {
     const auto value = static_cast<double>(values[i]);
@@ -157,21 +174,23 @@ std::string out_of_range_as(const Tensor& tensor) {
 
 }  // namespace
 
-std::string out_of_range(const Tensor& tensor) {
+std::string out_of_range(const Tensor& tensor, const TensorSpec& spec) {
   switch (tensor.spec().element) {
     case Element::kU8:
-      return out_of_range_as<std::uint8_t>(tensor);
+      return out_of_range_as<std::uint8_t>(tensor, spec.ranges);
     case Element::kI16:
-      return out_of_range_as<std::int16_t>(tensor);
+      return out_of_range_as<std::int16_t>(tensor, spec.ranges);
     case Element::kI32:
-      return out_of_range_as<std::int32_t>(tensor);
+      return out_of_range_as<std::int32_t>(tensor, spec.ranges);
     case Element::kF32:
-      return out_of_range_as<float>(tensor);
+      return out_of_range_as<float>(tensor, spec.ranges);
     case Element::kF64:
-      return out_of_range_as<double>(tensor);
+      return out_of_range_as<double>(tensor, spec.ranges);
   }
   return "";
 }
+
+std::string out_of_range(const Tensor& tensor) { return out_of_range(tensor, tensor.spec()); }
 
 void copy_tensor(const Tensor& from, Tensor& to) {
   const TensorSpec& a = from.spec();

@@ -11,6 +11,10 @@ namespace pirt::slam {
 namespace {
 
 constexpr int kPropagateFrames = 8;
+// Far beyond what there is, and near enough that no square and no difference overflows.
+constexpr Range kTurnRate{-1e4, 1e4}, kAcceleration{-1e6, 1e6}, kPixel{-1e9, 1e9},
+    kMetres{-1e9, 1e9};
+constexpr Range kWord{-0x1p31, 0x1p31 - 1}, kHighWord{-0x1p30, 0x1p30 - 1};  ///< Of a time.
 
 Workload make(const char* name, const char* text, const Setup& setup,
               std::vector<TensorSpec> inputs, std::vector<TensorSpec> outputs) {
@@ -47,19 +51,23 @@ Setup recorded_setup() {
 std::int64_t most_tracks(const Setup& setup) { return setup.most_tracks + setup.most_landmarks; }
 
 std::vector<TensorSpec> sample_specs() {
-  return {{"samples", Element::kF64, {kMostSamples, 6}, true},
-          {"stamps", Element::kI32, {kMostSamples, 2}, true},
-          {"until", Element::kI32, {2}}};
+  return {{"samples",
+           Element::kF64,
+           {kMostSamples, 6},
+           true,
+           {kTurnRate, kTurnRate, kTurnRate, kAcceleration, kAcceleration, kAcceleration}},
+          {"stamps", Element::kI32, {kMostSamples, 2}, true, {kWord, kHighWord}},
+          {"until", Element::kI32, {2}, false, {kWord, kHighWord}}};
 }
 
 std::vector<TensorSpec> feature_specs() {
-  return {{"pixels", Element::kF32, {kMostFeatures, 2}, true},
+  return {{"pixels", Element::kF32, {kMostFeatures, 2}, true, {kPixel}},
           {"scores", Element::kF32, {kMostFeatures}, true},
           {"descriptors", Element::kU8, {kMostFeatures, 32}, true}};
 }
 
 std::vector<TensorSpec> better_specs() {
-  return {{"better", Element::kF64, {kMostBetter, std::int64_t{kBetterSize}}, true},
+  return {{"better", Element::kF64, {kMostBetter, std::int64_t{kBetterSize}}, true, {kMetres}},
           {"better_ids", Element::kI32, {kMostBetter, 6}, true},
           {"better_descriptors", Element::kU8, {kMostBetter, 32}, true},
           {"better_world", Element::kI32, {1}}};
@@ -67,7 +75,7 @@ std::vector<TensorSpec> better_specs() {
 
 std::vector<TensorSpec> track_specs(const Setup& setup, const std::string& side) {
   const std::int64_t most = most_tracks(setup);
-  return {{side + "tracks", Element::kF32, {most, 2}, true},
+  return {{side + "tracks", Element::kF32, {most, 2}, true, {kPixel}},
           {side + "found", Element::kU8, {most}, true}};
 }
 
