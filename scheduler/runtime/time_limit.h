@@ -15,15 +15,20 @@ inline constexpr Nanos kLeastTimeLimit = std::chrono::seconds(5);
 /// Of a function of the robot's own of which nobody says what it takes.
 inline constexpr Nanos kUnknownTimeLimit = std::chrono::seconds(10);
 
+/// @param longest  What a call takes at most where nothing is wrong, with preparing.
+[[nodiscard]] inline Nanos time_limit(Nanos longest, Nanos least = kLeastTimeLimit) {
+  constexpr int kTimes = 50;
+  return std::max(least, kTimes * longest);
+}
+
 /// @param service    What the call is expected to take.
 /// @param own_clock  The unit tells time by a clock of its own: how long this machine takes for a
 ///                   call does not follow from that.
 [[nodiscard]] inline Nanos time_limit(const Service& service, bool own_clock) {
   // Its own clock may be that of an emulator.
   const Nanos least = own_clock ? std::chrono::seconds(60) : kLeastTimeLimit;
-  constexpr int kTimes = 50;
   const Nanos longest = scaled(service.total(), service.spread.high);
-  return std::max(least, kTimes * (longest + service.prepare.value_or(Nanos::zero())));
+  return time_limit(longest + service.prepare.value_or(Nanos::zero()), least);
 }
 
 /// For whoever reads what went wrong.

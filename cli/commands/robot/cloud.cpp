@@ -2,10 +2,13 @@
 #include <fmt/core.h>
 #include <unistd.h>
 
+#include <map>
 #include <memory>
 #include <optional>
+#include <span>
 
 #include "characterize/machine/build_info.h"
+#include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
 #include "cli/long_run.h"
 #include "cli/options/duration.h"
@@ -15,6 +18,7 @@
 #include "cli/options/own.h"
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
+#include "scheduler/runtime/time_limit.h"
 #include "workloads/backends/nats/service/cloud_service.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
@@ -34,6 +38,7 @@ struct CloudFlags {
   int slots = 1;
   std::int64_t cache_mb = 512, robot_mb = 512;
   std::string call_limit = "60s";
+  std::optional<std::string> profile;
   ModelFlags model, classifier;
   std::vector<std::string> robots = {"robot"};
 };
@@ -107,6 +112,28 @@ std::vector<const Workload*> known_on(const Backend& backend, const std::optiona
   return known;
 }
 
+/// Of those that the profile has rows of, in the size in which they are known.
+std::map<const Workload*, Nanos> call_limits(const CloudFlags& options,
+                                             std::span<const Workload* const> known) {
+  std::map<const Workload*, Nanos> limits;
+  if (!options.profile) return limits;
+  const Profile profile = ProfileReader(*options.profile).read();
+  const auto longest = [&](const Workload& workload, Phase phase) {
+    const PhaseRow* const row = profile.find(workload.name, options.unit, phase);
+    return row != nullptr ? row->p99 : std::nullopt;  // Also of a busy machine: it is a limit.
+  };
+  for (const Workload* each : known) {
+    const auto call = longest(*each, Phase::kCall);
+    if (!call) continue;
+    limits[each] = time_limit(*call + longest(*each, Phase::kPrepare).value_or(Nanos::zero()));
+  }
+  if (limits.empty()) {
+    throw_bad_input("profile '" + *options.profile + "' has no rows of unit " + options.unit +
+                    "; measure it here (pirt characterize), or leave --profile out");
+  }
+  return limits;
+}
+
 /// What every process of it computes with.
 std::vector<std::string> slot_arguments(const CloudFlags& options) {
   std::vector<std::string> arguments = {"cloud-slot", "--units", options.unit, "--cache-mb",
@@ -137,19 +164,21 @@ int work(const CloudFlags& options) {
   learn(options.own.all());
   const Backend& backend = find_backend(options.unit);
   if (const Probe probe = backend.probe(); !probe.available) throw_environment(probe.reason);
+  const auto own = description(options);
+  const auto known = known_on(backend, own);
+  const auto limits = call_limits(options, known);
   cloud::WorkerOptions worker{
       .connection = options.connection,
       .name = options.name.empty() ? default_name() : options.name,
       .version = std::string(build_info().version),
       .limits = {.slots = options.slots},
       .call_bytes = static_cast<std::uint64_t>(options.cache_mb) << 20,
-      .make_computer = [&options] {
+      .make_computer = [&options, &limits] {
         return cloud::make_process_computer({.program = "/proc/self/exe",
                                              .arguments = slot_arguments(options),
-                                             .call_limit = parse_duration(options.call_limit)});
+                                             .call_limit = parse_duration(options.call_limit),
+                                             .call_limits = limits});
       }};
-  const auto own = description(options);
-  const auto known = known_on(backend, own);
   // Whether they are models that can be run shows now, and not at the first task.
   if (own) static_cast<void>(recognition::open_described(*own));
   const std::atomic<bool>* const stop = stop_on_signal();
@@ -181,6 +210,9 @@ void add_cloud_worker(CLI::App& app, Action& action) {
   add_value(command, "--call-limit", &options->call_limit, "DURATION", no_duration,
             "How long a call may take; then its process is killed, and the call has failed a try")
       .shows_default();
+  add_input(command, "--profile", &options->profile,
+            "Profile database of this machine: a call may take 50 times what its row says, at "
+            "least 5 s; those without a row have --call-limit");
   add_text(command, "--name", &options->name, "NAME",
            "Of this worker; default: the machine's and the process's");
   command.footer(

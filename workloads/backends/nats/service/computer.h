@@ -78,6 +78,7 @@ struct SlotProgram {
   std::string program;
   std::vector<std::string> arguments = {};
   Nanos call_limit = std::chrono::seconds(60);  ///< With preparing; then the process is killed.
+  std::map<const Workload*, Nanos> call_limits = {};  ///< In its place, of those that are here.
   /// The same for a call that is computed as the worker ends.
   Nanos end_limit = std::chrono::seconds(5);
 };

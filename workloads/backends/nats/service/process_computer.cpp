@@ -82,8 +82,9 @@ class ProcessComputer : public Computer {
 
   void compute(const Call& call, ReplyMessage& reply) override {
     if (process_ <= 0) start();
-    const Nanos begin = clock_.now();
-    Nanos until = begin + program_.call_limit;
+    const auto own = program_.call_limits.find(call.workload.get());
+    const Nanos limit = own != program_.call_limits.end() ? own->second : program_.call_limit;
+    Nanos until = clock_.now() + limit;
     bool ends = false;
     const Line line(line_, [&] {
       if (!ends && call.stop())
@@ -107,8 +108,8 @@ class ProcessComputer : public Computer {
       return;
     }
     throw_environment(over ? fmt::format("it was over its limit of {:.3g} s (pirt cloud-worker "
-                                         "--call-limit): its process was killed",
-                                         to_s(program_.call_limit))
+                                         "--call-limit, --profile): its process was killed",
+                                         to_s(limit))
                            : "its process " + how);
   }
   [[nodiscard]] bool is_gone() const override { return process_ <= 0; }
