@@ -173,6 +173,8 @@ std::vector<UnitProbe> probe_units(const Platform& platform, const std::filesyst
     const JobResult found = probe_unit(runner, platform, unit);
     UnitProbe probe{.unit = unit.name, .device = {}, .error = found.error, .cores = unit.cores};
     if (found.device) probe.device = found.device->name;
+    // What is out of reach is opened all the same: it may come.
+    if (found.device && unit.role == Role::kCloud) probe.error = found.device->remark;
     probes.push_back(std::move(probe));
   }
   if (probes.empty()) {

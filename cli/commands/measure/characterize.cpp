@@ -350,6 +350,15 @@ std::string out_of_time_text(const CampaignSummary& summary, const CampaignPlan&
   if (!summary.unmeasured.empty()) {
     missing.push_back(fmt::format("{} cells have no figure: {}", summary.unmeasured.size(),
                                   cells_text(summary.unmeasured)));
+    // Such as what is out of reach.
+    for (const UnitRecord& unit : plan.units) {
+      const auto remark = plan.facts.find("unit." + unit.unit + ".remark");
+      const bool is_missing = std::ranges::find(summary.unmeasured, unit.unit, &CellName::unit) !=
+                              summary.unmeasured.end();
+      if (is_missing && remark != plan.facts.end()) {
+        missing.push_back(unit.unit + ": " + remark->second);
+      }
+    }
   }
   if (summary.cells_begun > 0) {
     missing.push_back(
