@@ -33,17 +33,26 @@ Support support_of(const Workload& workload) {
   return {true, ""};
 }
 
-/// One call on its way; the link's threads tell it what becomes of it.
+/// A kernel's call on its way; the link's threads tell what becomes of it.
 struct Flight {
   std::mutex mutex;
   std::condition_variable changed;
-  bool unwanted = false;  ///< Nobody waits for its end.
+  bool unwanted = false;                   ///< Nobody waits for the end of the call that is bound.
+  std::optional<cloud::TaskId> task = {};  ///< Changed by the thread that uses the kernel.
   bool taken = false, missing = false;
-  std::optional<cloud::TaskEnd> end;
+  std::optional<cloud::TaskEnd> end = {};
 
-  template <typename Change>
-  void tell(Change change) {
+  void begin(std::optional<cloud::TaskId> next) {
     const std::lock_guard lock(mutex);
+    task = next;
+    taken = missing = false;
+    end.reset();
+  }
+  /// What is said of a task that it has no more changes nothing.
+  template <typename Change>
+  void tell(const cloud::TaskId& of, Change change) {
+    const std::lock_guard lock(mutex);
+    if (task != of) return;
     change(*this);
     changed.notify_all();
   }
@@ -73,9 +82,9 @@ class CloudKernel : public Kernel {
 
   /// From any thread: whoever waits for the call that is bound does so no longer.
   void give_up() {
-    const std::lock_guard lock(mutex_);
-    unwanted_ = true;
-    if (flight_ != nullptr) flight_->tell([](Flight& flight) { flight.unwanted = true; });
+    const std::lock_guard lock(flight_->mutex);
+    flight_->unwanted = true;
+    flight_->changed.notify_all();
   }
 
   /// Of the call that is bound.
@@ -83,8 +92,8 @@ class CloudKernel : public Kernel {
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
     {
-      const std::lock_guard lock(mutex_);
-      unwanted_ = false;
+      const std::lock_guard lock(flight_->mutex);
+      flight_->unwanted = false;
     }
     expires_at_.reset();
     inputs_ = inputs;
@@ -109,12 +118,12 @@ class CloudKernel : public Kernel {
   std::optional<Nanos> execute(int repeats) override {
     Nanos queue{0};
     for (int i = 0; i < repeats; ++i) {
-      if (flight_ == nullptr) submit();
+      if (!flight_->task) submit();
       const Nanos begin = clock_.now();
       wait([](const Flight&) { return false; });
       last_ = *std::move(flight_->end);
       queue += std::max(Nanos::zero(), clock_.now() - begin - last_.execute);
-      forget_flight();
+      flight_->begin({});
       if (i + 1 < repeats) remove_blobs();
     }
     return queue;
@@ -147,8 +156,8 @@ class CloudKernel : public Kernel {
     return cloud::blob_subject(link_.robot(), what, name);
   }
   [[nodiscard]] bool is_unwanted() {
-    const std::lock_guard lock(mutex_);
-    return unwanted_;
+    const std::lock_guard lock(flight_->mutex);
+    return flight_->unwanted;
   }
 
   /// What is larger than a message first: who finds the task finds all of it.
@@ -168,19 +177,13 @@ class CloudKernel : public Kernel {
     } else {
       message_.inputs = sent_;
     }
-    const auto flight = std::make_shared<Flight>();
-    {
-      const std::lock_guard lock(mutex_);
-      flight_ = flight;
-      flight->unwanted = unwanted_;
-    }
+    flight_->begin(task_);
     cloud::Submission call{.task = message_};
     if (expires_at_) call.time_left = std::max(*expires_at_ - clock_.now(), Nanos::zero());
-    call.taken = [flight] { flight->tell([](Flight& of) { of.taken = true; }); };
-    call.missing = [flight] { flight->tell([](Flight& of) { of.missing = true; }); };
-    call.ended = [flight](cloud::TaskEnd end) {
-      flight->tell([&](Flight& of) { of.end = std::move(end); });
-    };
+    const auto tell = [flight = flight_, task = task_](auto change) { flight->tell(task, change); };
+    call.taken = [tell] { tell([](Flight& of) { of.taken = true; }); };
+    call.missing = [tell] { tell([](Flight& of) { of.missing = true; }); };
+    call.ended = [tell](cloud::TaskEnd end) { tell([&](Flight& of) { of.end = std::move(end); }); };
     link_.submit(task_, std::move(call));
   }
 
@@ -233,14 +236,14 @@ class CloudKernel : public Kernel {
     if (!flight_->end || flight_->end->how == cloud::CallEndKind::kDone) return;
     const std::string problem = flight_->end->problem;
     lock.unlock();
-    forget_flight();
+    flight_->begin({});
     remove_blobs();
     throw_environment(problem);
   }
 
   void withdraw() {
-    if (flight_ != nullptr) link_.cancel(task_);
-    forget_flight();
+    if (flight_->task) link_.cancel(task_);
+    flight_->begin({});
     remove_blobs();
   }
 
@@ -253,11 +256,6 @@ class CloudKernel : public Kernel {
       remove("out", fmt::format("{}-{}", task_.hex(), last_.send));
       last_.outputs = cloud::Bytes{};
     }
-  }
-
-  void forget_flight() {
-    const std::lock_guard lock(mutex_);
-    flight_.reset();
   }
 
   cloud::RobotLink& link_;
@@ -275,9 +273,7 @@ class CloudKernel : public Kernel {
   int missed_ = 0;
   cloud::TaskId task_;
   cloud::TaskEnd last_;
-  std::mutex mutex_;                ///< Of what other threads look at: they read flight_ alone.
-  std::shared_ptr<Flight> flight_;  ///< Changed by the thread that uses the kernel.
-  bool unwanted_ = false;           ///< What is bound.
+  const std::shared_ptr<Flight> flight_ = std::make_shared<Flight>();
 };
 
 DeviceInfo device_info(const std::string& server) {

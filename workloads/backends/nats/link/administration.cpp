@@ -8,35 +8,21 @@
 
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json.h"
 
 namespace pirt::cloud {
 namespace {
 
-constexpr int kNotFound = 10059;
 constexpr int kNameExists = 10058;
 
-struct AdminAnswer {
-  Json json;
-  int error = 0;  ///< JetStream's code; 0 = none.
-  std::string why = {};
-};
-
-AdminAnswer ask_server(Connection& connection, const std::string& api, const Json& what) {
+/// @throws Error{kEnvironment} where nobody answers.
+StreamAnswer ask_server(Connection& connection, const std::string& api, const Json& what) {
   const auto answer = connection.request("$JS.API." + api, json_text(what));
   if (!answer.came) {
     throw_environment("the server did not answer to " + api +
                       "; is it there, and may this user ask that (pirt cloud-admin permissions)?");
   }
-  AdminAnswer read{try_parse_json(text_of(answer.data)).value_or(Json::object()), 0, {}};
-  const bool refused = answer.status != 0 || !read.json.is_object() || read.json.contains("error");
-  if (!refused) return read;
-  read.why = not_stored(answer);
-  read.error = 1;
-  if (answer.status != 0) throw_environment(read.why);
-  if (read.json.is_object() && read.json.contains("error") && read.json.at("error").is_object()) {
-    read.error = read.json.at("error").value("err_code", 1);
-  }
+  StreamAnswer read = read_answer(answer);
+  if (read.error == kNobody) throw_environment(read.why);
   return read;
 }
 
@@ -64,11 +50,11 @@ Json stream_of(const std::string& robot, const Setup& setup) {
 std::string make_stream(Connection& connection, const std::string& robot, const Setup& setup) {
   const Json config = stream_of(robot, setup);
   const std::string name = blob_stream(robot);
-  const AdminAnswer known = ask_server(connection, "STREAM.INFO." + name, Json::object());
-  if (known.error != 0 && known.error != kNotFound) throw_environment(name + ": " + known.why);
+  const StreamAnswer known = ask_server(connection, "STREAM.INFO." + name, Json::object());
+  if (known.error != 0 && known.error != kNoStream) throw_environment(name + ": " + known.why);
   if (known.error == 0 && is_within(config, known.json.at("config"))) return "";
   const char* const api = known.error == 0 ? "STREAM.UPDATE." : "STREAM.CREATE.";
-  const AdminAnswer made = ask_server(connection, api + name, config);
+  const StreamAnswer made = ask_server(connection, api + name, config);
   if (made.error == kNameExists) return "";  // Another one was faster.
   if (made.error != 0) {
     throw_environment(fmt::format(
@@ -106,19 +92,29 @@ std::vector<std::string> set_up(Connection& connection, const Setup& setup) {
   return done;
 }
 
-RobotStream read_stream_info(const Connection::Answer& answer, const std::string& robot) {
-  const auto json = try_parse_json(text_of(answer.data));
-  if (json && json->is_object() && json->contains("config")) {
-    const Json& config = json->at("config");
-    if (config.is_object() && config.contains("max_bytes") &&
-        config.at("max_bytes").is_number_unsigned()) {
-      return {config.at("max_bytes").get<std::uint64_t>(), ""};
-    }
+StreamAnswer read_answer(const Connection::Answer& answer) {
+  if (answer.status == kNobody) {
+    return {.error = kNobody, .why = "the server has no JetStream; start it with -js"};
   }
-  const std::string why = not_stored(answer);
-  if (why.find("JetStream") != std::string::npos) return {0, why};
-  return {0, fmt::format("no stream for robot '{}'; run `pirt cloud-admin setup --robots {}`",
-                         robot, robot)};
+  StreamAnswer read{try_parse_json(text_of(answer.data)).value_or(Json()), 1, {}};
+  if (!read.json.is_object()) {
+    read.why = "an answer that is none of JetStream's";
+  } else if (!read.json.contains("error")) {
+    read.error = 0;
+  } else {
+    const Json& error = read.json.at("error");
+    read.error = error.value("err_code", 1);
+    read.why = error.value("description", std::string("refused"));
+  }
+  const auto says = [&](const char* what) { return read.why.find(what) != std::string::npos; };
+  if (says("not enabled for account")) {
+    read.why += "; enable it there (accounts: { NAME: { jetstream: enabled } })";
+  } else if (says("not enabled")) {
+    read.why += "; the server has no JetStream; start it with -js";
+  } else if (says("resources") || says("maximum")) {
+    read.why += "; give JetStream more room (max_file_store, the account's limits)";
+  }
+  return read;
 }
 
 std::string permissions(std::span<const std::string> robots) {

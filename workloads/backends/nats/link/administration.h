@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "workloads/backends/nats/link/connection.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cloud {
 
@@ -24,14 +25,15 @@ struct Setup {
 /// server, or it refuses, with the remedy.
 std::vector<std::string> set_up(Connection& connection, const Setup& setup);
 
-/// What STREAM.INFO said of a robot's stream.
-struct RobotStream {
-  std::uint64_t most_bytes = 0;
-  std::string missing =
-      {};  ///< Why it cannot be used, in one line with the remedy; empty = it can.
+/// What JetStream said.
+struct StreamAnswer {
+  Json json = Json::object();
+  int error = 0;         ///< Its code; 0 = none.
+  std::string why = {};  ///< Of an error, in one line with the remedy.
 };
-[[nodiscard]] RobotStream read_stream_info(const Connection::Answer& answer,
-                                           const std::string& robot);
+[[nodiscard]] StreamAnswer read_answer(const Connection::Answer& answer);
+/// Of an error of STREAM.INFO: there is no such stream.
+inline constexpr int kNoStream = 10059;
 
 /// The `authorization` part of a server's configuration: an administrator, workers, and each robot
 /// bound to its own subjects. Names users whose passwords are environment variables of the server

@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "workloads/backends/nats/link/administration.h"
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/system/thread.h"
 #include "workloads/base/text/json.h"
@@ -24,16 +25,9 @@ constexpr std::uint32_t kWindow = 4;  ///< Chunks under way.
 template <typename Work>
 bool in_window(std::uint32_t count, const Work& work) {
   std::atomic<std::uint32_t> next = 0, done = 0;
-  std::atomic<bool> goes_on = true;
   const auto run = [&] {
-    while (goes_on) {
-      const std::uint32_t number = next++;
-      if (number >= count) return;
-      if (work(number)) {
-        ++done;
-      } else {
-        goes_on = false;
-      }
+    for (std::uint32_t number = next++; number < count; number = next++) {
+      work(number) ? ++done : next = count;
     }
   };
   {
@@ -58,8 +52,8 @@ Connection::Answer ask(Connection& connection, const std::string& subject, ByteV
   return {};
 }
 
-std::span<std::byte> part(std::span<std::byte> bytes, std::uint32_t chunk_bytes,
-                          std::uint32_t number) {
+template <typename Byte>
+std::span<Byte> part(std::span<Byte> bytes, std::uint32_t chunk_bytes, std::uint32_t number) {
   const std::size_t from = std::size_t{number} * chunk_bytes;
   return bytes.subspan(from, std::min<std::size_t>(chunk_bytes, bytes.size() - from));
 }
@@ -73,14 +67,12 @@ std::string put_blob(Connection& connection, const std::string& prefix, ByteView
   }
   std::mutex mutex;
   std::string problem;
-  const auto count = static_cast<std::uint32_t>((bytes.size() + chunk_bytes - 1) / chunk_bytes);
+  const std::uint32_t count = Blob{{}, bytes.size(), chunk_bytes}.chunks();
   const bool all = in_window(count, [&](std::uint32_t number) {
-    const std::size_t from = std::size_t{number} * chunk_bytes;
-    const auto answer =
-        ask(connection, prefix + "." + std::to_string(number),
-            bytes.subspan(from, std::min<std::size_t>(chunk_bytes, bytes.size() - from)), stop);
+    const auto answer = ask(connection, prefix + "." + std::to_string(number),
+                            part(bytes, chunk_bytes, number), stop);
     const std::string why = answer.came
-                                ? not_stored(answer)
+                                ? read_answer(answer).why
                                 : "nothing stored what was sent to " + prefix +
                                       ".N; is the server there, and "
                                       "may this user say that (pirt cloud-admin permissions)?";
@@ -99,7 +91,7 @@ Fetched fetch_blob(Connection& connection, const std::string& robot, const std::
   std::atomic<Fetched::How> how = Fetched::How::kWhole;
   const bool all = in_window(blob.chunks(), [&](std::uint32_t number) {
     const auto answer = ask(connection, direct + std::to_string(number), {}, stop);
-    const auto to = part(fetched.bytes, blob.chunk_bytes, number);
+    const auto to = part(std::span(fetched.bytes), blob.chunk_bytes, number);
     if (!answer.came || answer.status == kNobody) {
       how = Fetched::How::kNoAnswer;
     } else if (answer.status != 0 || answer.data.size() != to.size()) {

@@ -12,10 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
-#include "workloads/base/text/json.h"
 
 namespace pirt::cloud {
 namespace {
@@ -343,23 +341,6 @@ std::uint32_t Connection::chunk_bytes() const {
   const std::size_t most = most_payload();
   return most < kLeastPayload ? 0
                               : static_cast<std::uint32_t>(std::min(most - kHead, kLargestChunk));
-}
-
-std::string not_stored(const Connection::Answer& answer) {
-  constexpr const char* kNoStreams = "the server has no JetStream; start it with -js";
-  if (answer.status == kNobody) return kNoStreams;
-  const auto json = try_parse_json(text_of(answer.data));
-  if (!json || !json->is_object()) return "an answer that is none of JetStream's";
-  if (!json->contains("error")) return json->contains("seq") ? "" : "an answer without a sequence";
-  const Json& error = json->at("error");
-  const bool told =
-      error.is_object() && error.contains("description") && error.at("description").is_string();
-  const std::string why = told ? error.at("description").get<std::string>() : "refused";
-  if (why.find("not enabled") != std::string::npos) return why + "; " + kNoStreams;
-  if (why.find("resources") != std::string::npos || why.find("maximum") != std::string::npos) {
-    return why + "; give JetStream more room (max_file_store, the account's limits)";
-  }
-  return why;
 }
 
 }  // namespace pirt::cloud

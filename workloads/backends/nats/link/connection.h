@@ -111,8 +111,4 @@ class Connection {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// What a stream answered to a message that was published with a reply subject: empty if it has it,
-/// else why not, with the remedy.
-[[nodiscard]] std::string not_stored(const Connection::Answer& answer);
-
 }  // namespace pirt::cloud

@@ -117,11 +117,16 @@ void RobotLink::ask_for_stream() {
   const auto answer =
       connection_->request("$JS.API.STREAM.INFO." + blob_stream(options_.robot), "", kAskAgain);
   if (!answer.came) return;
-  RobotStream stream = read_stream_info(answer, options_.robot);
-  if (connection_->chunk_bytes() == 0) stream.missing = connection_->why_no_chunks();
+  StreamAnswer stream = read_answer(answer);
+  if (stream.error == kNoStream) {
+    stream.why = fmt::format("no stream for robot '{}'; run `pirt cloud-admin setup --robots {}`",
+                             options_.robot, options_.robot);
+  }
+  if (connection_->chunk_bytes() == 0) stream.why = connection_->why_no_chunks();
   with_caller([&](Nanos now) {
-    stream_ = stream;
-    if (!stream_.missing.empty() || !connection_->is_up()) return;  // It is asked again.
+    no_stream_ = stream.why;
+    if (!no_stream_.empty() || !connection_->is_up()) return;  // It is asked again.
+    stream_bytes_ = stream.json.at("config").value("max_bytes", std::int64_t{0});
     ask_at_ = Nanos::max();
     caller_.link_up(now);
   });
@@ -273,7 +278,7 @@ std::string RobotLink::why_down() const {
   if (!connection_->is_up()) return "no connection to " + server + ": " + connection_->why_down();
   const std::lock_guard lock(mutex_);
   if (caller_.is_up(clock_.now())) return "";
-  if (!stream_.missing.empty()) return server + ": " + stream_.missing;
+  if (!no_stream_.empty()) return server + ": " + no_stream_;
   if (!problem_.empty() && workers_.empty()) {
     return "nothing was heard of a worker at " + server + " (" + problem_ + ")";
   }
@@ -283,11 +288,11 @@ std::string RobotLink::why_down() const {
 
 std::string RobotLink::why_too_large(const std::string& what, std::uint64_t bytes) const {
   const std::lock_guard lock(mutex_);
-  if (stream_.most_bytes == 0 || bytes <= stream_.most_bytes) return "";
+  if (stream_bytes_ <= 0 || std::cmp_less_equal(bytes, stream_bytes_)) return "";
   return fmt::format(
       "{} has {} MB to send, and robot {} may have {} MB on the server; give it more (pirt "
       "cloud-admin setup --robot-mb)",
-      what, bytes >> 20, options_.robot, stream_.most_bytes >> 20);
+      what, bytes >> 20, options_.robot, stream_bytes_ >> 20);
 }
 
 LinkEstimate RobotLink::estimate() const {

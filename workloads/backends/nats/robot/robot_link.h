@@ -133,7 +133,8 @@ class RobotLink : private CallerEvents {
   Nanos ask_at_ = Nanos::max();              ///< For the robot's stream.
   LinkEstimate estimate_;
   std::string problem_;
-  RobotStream stream_;
+  std::int64_t stream_bytes_ = 0;  ///< That its stream may have; below 1 = any number.
+  std::string no_stream_;          ///< Why there is none, with the remedy; empty = there is.
   std::map<std::uint64_t, Worker> workers_;  ///< That are not silent, by instance.
   std::atomic<std::uint64_t> heard_ = 0;
 
