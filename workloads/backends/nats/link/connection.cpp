@@ -33,7 +33,12 @@ std::int64_t ms(Nanos time) {
 void throw_unless(natsStatus status, const std::string& what) {
   if (status == NATS_OK) return;
   const char* const last = nats_GetLastError(nullptr);
-  throw_environment(what + (last != nullptr && *last != 0 ? last : natsStatus_GetText(status)));
+  std::string_view why = last != nullptr && *last != 0 ? last : natsStatus_GetText(status);
+  // "(conn.c:2088): ..." is a place in the library.
+  if (const auto place = why.find("): "); why.starts_with('(') && place != why.npos) {
+    why.remove_prefix(place + 3);
+  }
+  throw_environment(what + std::string(why));
 }
 
 struct DestroyOptions {
@@ -288,15 +293,29 @@ std::string Connection::why_down() const {
   std::string small = said;
   std::ranges::transform(small, small.begin(),
                          [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
-  const auto says = [&](const char* what) { return small.find(what) != std::string::npos; };
-  // It says so, and hangs up: what it said may be lost.
-  if (says("maximum connections") || says("expected 'pong', got ''")) {
-    return "it has as many connections as it may have; raise max_connections there";
-  }
-  if (says("authorization") || says("authentication")) {
-    return "it lets this user not in (" + said + "); check its password, NKey or certificate";
-  }
-  return (said.empty() ? "" : said + "; ") + "start one (nats-server -js), or name another";
+  struct Known {
+    std::string_view says, remedy;
+  };
+  constexpr std::string_view kFull =
+      "it has as many connections as it may have; raise max_connections there";
+  constexpr std::string_view kWho =
+      "it lets this user not in; check its password, NKey or certificate";
+  static constexpr Known kKnown[] = {
+      {"maximum connections", kFull},
+      {"expected 'pong', got ''", kFull},  // It says why, and hangs up: that may be lost.
+      {"authorization", kWho},
+      {"authentication", kWho},
+      {"secure connection not available",
+       "it speaks no TLS; ask for nats://, or give it a certificate (tls: { cert_file, key_file "
+       "})"},
+      {"ssl",
+       "no TLS with it; its certificate has to follow from `ca` and be of its name, and it "
+       "may ask for this one's `certificate`"},
+      {"timeout", "it does not answer; is it stopped, or something else there?"},
+      {"", "start one (nats-server -js), or name another"}};
+  const auto known = std::ranges::find_if(
+      kKnown, [&](const Known& each) { return small.find(each.says) != std::string::npos; });
+  return (said.empty() ? "" : said + "; ") + std::string(known->remedy);
 }
 
 std::string Connection::why_no_chunks() const {
