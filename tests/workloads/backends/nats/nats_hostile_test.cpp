@@ -1,5 +1,6 @@
 // A robot that speaks the protocol by hand, and wants to read, stop or starve a worker: the worker
 // stays up, its memory is bounded, other robots are served, and every refusal says why.
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -162,7 +163,7 @@ class CloudHostile : public ::testing::Test {
     options.make_computer = [] {
       return make_process_computer({.program = "/proc/self/exe",
                                     .arguments = {"--gtest_filter=CloudProcess.IsADeviceSlot"},
-                                    .call_limit = 10s});
+                                    .call_limit = 60s});
     };
     worker_ = std::make_unique<WorkerLink>(options, known_);
     robot_ = std::make_unique<HostileRobot>(server_.url(), "hostile");
@@ -398,7 +399,7 @@ TEST_F(CloudHostile, HoldsNobodyUpWithEmptyOffers) {
   }
   const auto begin = MachineClock().now();
   is_served();
-  EXPECT_LT(MachineClock().now() - begin, 20s);
+  EXPECT_LT(MachineClock().now() - begin, 60s);
   EXPECT_LT(resident_mb("self"), kSanitized ? 3000 : 600);
 }
 
@@ -415,6 +416,67 @@ TEST_F(CloudHostile, FillsNoMemoryWithTasksThatNobodyAskedFor) {
     if (i % 50 == 0) most = std::max(most, resident_mb("self"));
   }
   EXPECT_LT(most, before + (kSanitized ? 1000 : 200));
+}
+
+// Offers, tasks and withdrawals faster than anybody reads them.
+TEST_F(CloudHostile, StarvesNobodyWithAFlood) {
+  const Workload& avoid = find_workload("avoid_obstacles");
+  TaskMessage task = HostileRobot::task_of(avoid);
+  task.inputs = zeros(avoid.inputs);
+  EXPECT_NE(robot_->ask(task).problem, "");
+  const Bytes given = encode(task), offer = encode(OfferMessage{1, 1'000'000}),
+              cancel = encode(CancelMessage{{1, 1}});
+  const std::string to = task_subject("hostile", robot_->worker());
+  std::atomic<bool> over = false;
+  std::atomic<std::int64_t> said = 0;
+  std::jthread flood([&] {
+    const RawClient client(server_.port());
+    while (!over) {
+      for (int i = 0; i < 100; ++i) {
+        client.publish("pirt.offer.hostile", offer);
+        client.publish("pirt.cancel.hostile", cancel);
+      }
+      client.publish(to, given);
+      said += 201;
+    }
+  });
+  ASSERT_TRUE(eventually([&] { return said > 10'000; }));
+  const auto begin = MachineClock().now();
+  for (int i = 0; i < 5; ++i) is_served();
+  EXPECT_LT(MachineClock().now() - begin, 60s);
+  over = true;
+}
+
+TEST_F(CloudHostile, HearsNothingOfHeadersOddNamesAndWrongLengths) {
+  const RawClient raw(server_.port());
+  const std::string offer(text_of(encode(OfferMessage{1, 1})));
+  const WorkerCounts before = worker_->counts();
+  // Every name that a subject may have, and some that none may.
+  for (const char* name :
+       {"*", ">", "a.b", "\x1b[2J", "\xff\xfe", "..", "\"'`$(x)", "_INBOX", "PIRT_"}) {
+    raw.send(fmt::format("PUB pirt.offer.{} {}\r\n{}\r\n", name, offer.size(), offer));
+  }
+  const std::string longest(4000, 'a');
+  raw.send(fmt::format("PUB pirt.offer.{} {}\r\n{}\r\n", longest, offer.size(), offer));
+  raw.flush();
+  EXPECT_TRUE(eventually([&] { return worker_->counts().malformed > before.malformed; }));
+  for (const char c : worker_->problem()) EXPECT_TRUE(c >= ' ' && c <= '~') << worker_->problem();
+  // Headers as large as a message may be: an offer of another, and a task.
+  const std::string head = "NATS/1.0\r\nx: " + std::string(900'000, 'y') + "\r\n\r\n";
+  for (const std::string to : {"pirt.offer.other", "pirt.cancel.other"}) {
+    raw.send(fmt::format("HPUB {} {} {}\r\n{}{}\r\n", to, head.size(), head.size() + offer.size(),
+                         head, offer));
+  }
+  raw.flush();
+  EXPECT_EQ(robot_->worker(), 0U) << "nobody was asked for a task";
+  // Whom the server hangs up on: lengths that are not so, and lines that are none.
+  for (const char* wrong :
+       {"PUB pirt.offer.hostile 999999999999\r\n", "PUB pirt.offer.hostile -1\r\n",
+        "PUB pirt.offer. hostile x 4\r\nabcd\r\n", "HPUB x 99 4\r\nabcd\r\n"}) {
+    const RawClient another(server_.port());
+    another.send(wrong);
+    another.flush();
+  }
 }
 
 TEST_F(CloudHostile, StopsNothingWithTenThousandMutatedMessages) {

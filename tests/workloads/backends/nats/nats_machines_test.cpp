@@ -386,6 +386,36 @@ TEST_F(CloudDesk, ACallThatEndsItsProcessCostsItsRobotTenTimes) {
   EXPECT_NEAR(served["bad"], 10, 1);
 }
 
+// Tasks that are refused at once take no time, and their claims do.
+TEST_F(CloudDesk, AClaimThatIsAnsweredIsItsRobotsTime) {
+  Nanos now{0};
+  std::map<std::string, Nanos> held;
+  for (int i = 0; i < 400; ++i) {
+    for (const char* robot : {"quick", "honest"}) desk_.offered(robot, 1, 9, now);
+    const auto claim = desk_.claim(now);
+    ASSERT_TRUE(claim);
+    const Nanos begin = now;
+    now += milliseconds(1);
+    ASSERT_TRUE(desk_.take(claim->robot, 1, 8, now));
+    const Nanos takes = milliseconds(claim->robot == "honest" ? 10 : 0);
+    now += takes;
+    desk_.finished(claim->robot, takes, false, now);
+    held[claim->robot] += now - begin;
+  }
+  EXPECT_NEAR(to_ms(held["quick"]), to_ms(held["honest"]), 15);
+}
+
+TEST_F(CloudDesk, ATaskThatNobodyAskedForTakesNoFreeSlot) {
+  desk_.offered("a", 1, 1, Nanos(0));
+  EXPECT_FALSE(desk_.expects("a"));
+  EXPECT_FALSE(desk_.take("a", 1, 1, Nanos(0)));
+  EXPECT_EQ(claims(Nanos(0)), "a");
+  EXPECT_TRUE(desk_.expects("a"));
+  EXPECT_FALSE(desk_.take("a", 2, 1, Nanos(0))) << "another run of its program";
+  EXPECT_TRUE(desk_.take("a", 1, 1, Nanos(0)));
+  EXPECT_FALSE(desk_.take("a", 1, 1, Nanos(0))) << "one was asked for";
+}
+
 TEST_F(CloudDesk, AClaimThatRunsOutIsItsRobotsTime) {
   desk_.offered("mute", 1, 9, Nanos(0));
   EXPECT_EQ(claims(Nanos(0)), "mute");
@@ -393,6 +423,21 @@ TEST_F(CloudDesk, AClaimThatRunsOutIsItsRobotsTime) {
   EXPECT_EQ(desk_.next_wake(), seconds(2));
   desk_.offered("mute", 1, 9, seconds(2));
   EXPECT_EQ(claims(seconds(2)), "a");
+}
+
+// Over a slow link it takes longer than a claim holds.
+TEST_F(CloudDesk, ALateTaskIsTakenOnceWhereASlotIsFree) {
+  desk_.offered("a", 1, 9, Nanos(0));
+  EXPECT_EQ(claims(Nanos(0)), "a");
+  desk_.offered("b", 1, 9, seconds(2));
+  EXPECT_EQ(claims(seconds(2)), "b");
+  EXPECT_FALSE(desk_.take("a", 1, 0, seconds(3))) << "the slot is asked for";
+  EXPECT_TRUE(desk_.take("b", 1, 0, seconds(3)));
+  desk_.finished("b", seconds(1), false, seconds(4));
+  EXPECT_TRUE(desk_.expects("a"));
+  EXPECT_TRUE(desk_.take("a", 1, 0, seconds(4)));
+  desk_.finished("a", seconds(1), false, seconds(5));
+  EXPECT_FALSE(desk_.take("a", 1, 0, seconds(5))) << "once";
 }
 
 TEST_F(CloudDesk, LeavesSlotsForOthersThatAreThere) {
@@ -423,6 +468,7 @@ TEST_F(CloudDesk, RefusesWhoseCallsEndProcessesUntilTheyAreOld) {
   desk_.offered("a", 1, 100, Nanos(0));
   for (int i = 0; i < 10; ++i) {
     EXPECT_EQ(desk_.why_refused("a", Nanos(0)), "");
+    EXPECT_EQ(claims(Nanos(0)), "a");
     ASSERT_TRUE(desk_.take("a", 1, 1, Nanos(0)));
     desk_.finished("a", Nanos(1), true, Nanos(0));
   }

@@ -11,6 +11,7 @@
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
+#include "workloads/model/remote.h"
 
 namespace pirt::cloud::test {
 namespace {
@@ -164,6 +165,55 @@ TEST_F(CloudPermissions, BindARobotToItsOwnSubjects) {
   EXPECT_THAT(server_->log(), HasSubstr("Violation"));
 }
 
+TEST(CloudPermissionNames, OfTwoRobotsAreTwoUsers) {
+  const auto problem = [](std::vector<std::string> robots) -> std::string {
+    try {
+      static_cast<void>(permissions(robots));
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(problem({"r1", "r2"}), "");
+  EXPECT_THAT(problem({"r-1", "r_1"}), HasSubstr("would have one password, $PIRT_ROBOT_R_1"));
+  EXPECT_THAT(problem({"r1", "R1"}), HasSubstr("would have one password"));
+  EXPECT_THAT(problem({"r1", "r1"}), HasSubstr("would have one password"));
+  EXPECT_THAT(problem({"admin"}), HasSubstr("would be another user"));
+  EXPECT_THAT(problem({"Worker"}), HasSubstr("would be another user"));
+}
+
+// The server answers where it is told to, whoever may publish there. What a robot has made a worker
+// store would be another robot's offer, task or answer.
+TEST_F(CloudPermissions, ARobotSaysNothingInAnothersNameByTheServersAnswers) {
+  const Workload small = adding("small", 1000);
+  const std::vector<const Workload*> known = {&small};
+  WorkerOptions options;
+  options.connection.server = url_of("worker", "w");
+  options.hello = 300ms;
+  options.make_computer = make_adding_computer;
+  const WorkerLink worker(options, known);
+  const auto device = open_unit(url_of("r1", "one"), "robot: r1");
+  const auto kernel = device->prepare(small, {});
+  std::atomic<int> stolen = 0;
+  admin_->subscribe("pirt.claim.r1", [&](const Incoming& message) {
+    stolen += decode_as<ClaimMessage>(message.data).value ? 1 : 0;
+  });
+  const std::string offer(text_of(encode(OfferMessage{7, 99})));
+  ASSERT_TRUE(admin_->request("pirt.blob.r2.out.x.0", offer).came);
+  const RawClient robot(server_->port(), "r2", "two");
+  for (const char* victim : {"pirt.offer.r1", "pirt.answer.r1", "pirt.claim.r1", "pirt.hello"}) {
+    robot.publish("$JS.API.DIRECT.GET.PIRT_r2.pirt.blob.r2.out.x.0", {}, victim);
+    robot.publish("pirt.blob.r2.in.x.0", {}, victim);
+    robot.publish("$JS.API.STREAM.INFO.PIRT_r2", {}, victim);
+  }
+  robot.flush();
+  EXPECT_TRUE(eventually([&] { return worker.counts().malformed >= 2; }))
+      << "answers without headers are no messages";
+  EXPECT_EQ(stolen, 0) << "the worker took the offer for the other robot's";
+  EXPECT_EQ(call_and_check(*kernel, small, {.value = 5}), "");
+  EXPECT_EQ(dynamic_cast<const Remote&>(*device).link().late_replies, 0);
+}
+
 // The key pair is the one that the documentation of NATS prints.
 TEST(CloudNKey, LetsInWhoHasTheSeedAndNobodyElse) {
   if (nats_server_program().empty()) GTEST_SKIP() << "skipped: nats-server is not installed";
@@ -223,7 +273,11 @@ TEST(CloudTls, VerifiesTheServerAndShowsTheClientsCertificate) {
   EXPECT_TRUE(good.wait_until_up(kLong)) << server.log();
   ConnectionOptions wrong_ca = right;
   wrong_ca.ca = in("othercert.pem");
-  EXPECT_FALSE(Connection(wrong_ca, {}).wait_until_up(1s)) << "another server's certificate";
+  Connection other(wrong_ca, {});
+  EXPECT_FALSE(other.wait_until_up(1s)) << "another server's certificate";
+  EXPECT_TRUE(eventually([&] {
+    return other.why_down().find("no TLS with it; its certificate has to") != std::string::npos;
+  })) << other.why_down();
   ConnectionOptions wrong_host = right;
   wrong_host.server = "tls://127.0.0.1:" + std::to_string(server.port());
   EXPECT_FALSE(Connection(wrong_host, {}).wait_until_up(1s)) << "it is localhost's";

@@ -139,6 +139,40 @@ std::string NatsServer::log() const {
   return text.str();
 }
 
+RawClient::RawClient(int port, const std::string& user, const std::string& password)
+    : socket_(connect_to(port)) {
+  const std::string who =
+      user.empty() ? "" : fmt::format(R"(,"user":"{}","pass":"{}")", user, password);
+  send(fmt::format("CONNECT {{\"verbose\":false,\"headers\":true{}}}\r\n", who));
+  flush();
+}
+
+RawClient::~RawClient() { ::close(socket_); }
+
+bool RawClient::send(std::string_view text) const {
+  while (!text.empty()) {
+    const auto sent = ::send(socket_, text.data(), text.size(), MSG_NOSIGNAL);
+    if (sent <= 0) return false;
+    text.remove_prefix(static_cast<std::size_t>(sent));
+  }
+  return true;
+}
+
+bool RawClient::publish(const std::string& subject, ByteView data, const std::string& reply) const {
+  return send(fmt::format("PUB {} {} {}\r\n{}\r\n", subject, reply, data.size(), text_of(data)));
+}
+
+void RawClient::flush() const {
+  send("PING\r\n");
+  std::string heard(4096, ' ');
+  while (heard.find("PONG") == std::string::npos) {
+    heard.resize(4096);
+    const auto got = ::recv(socket_, heard.data(), heard.size(), 0);
+    if (got <= 0) return;
+    heard.resize(static_cast<std::size_t>(got));
+  }
+}
+
 Wire::Wire(int to_port) : to_port_(to_port) {
   listener_ = listen_anywhere(port_);
   acceptor_ = std::jthread([this] { accept_all(); });
@@ -333,6 +367,26 @@ void run_worker_process() {
 pid_t start_worker_process(const std::string& url, int slots) {
   return start_process({"/proc/self/exe", "--gtest_filter=CloudProcess.IsAWorker"}, "/dev/null",
                        {"PIRT_TEST_CLOUD=" + url, "PIRT_TEST_SLOTS=" + std::to_string(slots)});
+}
+
+void run_robot_process() {
+  const Workload small = adding("small", 1000), large = adding("large", 3'000'000),
+                 weighed = adding("weighed", 100, 1'500'000);
+  const auto device = open_unit(std::getenv("PIRT_TEST_ROBOT"));
+  std::vector<std::jthread> threads;
+  for (const Workload* each : {&small, &large, &weighed}) {
+    threads.emplace_back([&, each] {
+      const std::uint8_t parameter = each->parameters.empty() ? 0 : 2;
+      const auto kernel = device->prepare(*each, parameters_of(*each, parameter));
+      const AddingTask task{.tens_of_ms = 1, .value = 5};
+      while (true) static_cast<void>(call_and_check(*kernel, *each, task, parameter));
+    });
+  }
+}
+
+pid_t start_robot_process(const std::string& url) {
+  return start_process({"/proc/self/exe", "--gtest_filter=CloudProcess.IsARobot"}, "/dev/null",
+                       {"PIRT_TEST_ROBOT=" + url});
 }
 
 }  // namespace pirt::cloud::test

@@ -66,6 +66,24 @@ class NatsServer {
   pid_t process_ = -1;
 };
 
+/// A client that says what it likes: NATS's own protocol, byte by byte.
+class RawClient {
+ public:
+  explicit RawClient(int port, const std::string& user = "", const std::string& password = "");
+  ~RawClient();
+  RawClient(const RawClient&) = delete;
+  RawClient& operator=(const RawClient&) = delete;
+
+  /// @return  Whether it went out.
+  bool send(std::string_view text) const;
+  bool publish(const std::string& subject, ByteView data, const std::string& reply = "") const;
+  /// Until the server has seen all of it, or has hung up.
+  void flush() const;
+
+ private:
+  int socket_ = -1;
+};
+
 /// Forwards a port of its own to the server's.
 class Wire {
  public:
@@ -130,5 +148,9 @@ struct AddingTask {
 void run_worker_process();
 /// @return  Its process, which ends with this one.
 [[nodiscard]] pid_t start_worker_process(const std::string& url, int slots);
+
+/// A robot that has calls of each size under way for ever; likewise.
+void run_robot_process();
+[[nodiscard]] pid_t start_robot_process(const std::string& url);
 
 }  // namespace pirt::cloud::test

@@ -8,6 +8,8 @@
 
 #include <condition_variable>
 #include <future>
+#include <map>
+#include <numeric>
 #include <random>
 #include <thread>
 
@@ -29,6 +31,13 @@ TEST(CloudProcess, IsAWorker) {
     GTEST_SKIP() << "the body of the processes that other tests start and kill";
   }
   run_worker_process();
+}
+
+TEST(CloudProcess, IsARobot) {
+  if (std::getenv("PIRT_TEST_ROBOT") == nullptr) {
+    GTEST_SKIP() << "the body of the processes that another test starts and kills";
+  }
+  run_robot_process();
 }
 
 Json json_of(const Bytes& bytes) { return parse_json(text_of(bytes)); }
@@ -268,11 +277,13 @@ class CloudSlots : public CloudServer {
       return make_process_computer({.program = "/proc/self/exe",
                                     .arguments = {"--gtest_filter=CloudProcess.IsASlot"},
                                     .call_limit = call_limit_,
+                                    .call_limits = call_limits_,
                                     .end_limit = 300ms});
     };
   }
   void TearDown() override { ::unsetenv("PIRT_TEST_SLOT"); }
   Nanos call_limit_ = 20s;
+  std::map<const Workload*, Nanos> call_limits_;
 };
 
 TEST_F(CloudSlots, GiveUpATaskWhoseProcessDiesThreeTimesAndGoOn) {
@@ -299,6 +310,17 @@ TEST_F(CloudSlots, KillAProcessThatIsOverItsTimeAndCountATry) {
                         "limit of 0.5 s"));
   EXPECT_EQ(worker->counts().ended(ReplyKind::kFailedTry), 3);
   EXPECT_EQ(call_and_check(*kernel, small_, {.value = 4}), "");
+}
+
+TEST_F(CloudSlots, GiveACallTheTimeOfItsRowWhereItHasOne) {
+  call_limits_[&small_] = 500ms;
+  const auto worker = start_worker(server_->url());
+  const auto device = open_unit(server_->url());
+  const auto limited = device->prepare(small_, {});
+  const auto weighs = device->prepare(weighed_, parameters_of(weighed_, 5));
+  EXPECT_THAT(call_and_check(*limited, small_, {.tens_of_ms = 250}),
+              HasSubstr("it was over its limit of 0.5 s"));
+  EXPECT_EQ(call_and_check(*weighs, weighed_, {.tens_of_ms = 100}, 5), "");
 }
 
 TEST_F(CloudSlots, EndWithTheirWorkerWhateverTheyCompute) {
@@ -412,6 +434,56 @@ TEST_F(CloudServer, ServesARobotThatIsStartedAgain) {
   }
 }
 
+// Wherever it was, its worker is free again, and it goes on under its name.
+TEST_F(CloudServer, FreesWhatAKilledRobotHeldAndServesItWhenItIsStartedAgain) {
+  set_up_robot("other");
+  const auto worker = start_worker(server_->url(), 2);
+  const auto running = [&] {
+    const WorkerCounts counts = worker->counts();
+    return counts.taken - counts.cancelled -
+           std::accumulate(counts.ended_as.begin(), counts.ended_as.end(), std::int64_t{0});
+  };
+  std::mt19937 random(4);
+  const int kills = pirt::test::repeats(10, 60);
+  for (int i = 0; i < kills; ++i) {
+    const std::int64_t before = worker->counts().ended(ReplyKind::kDone);
+    pid_t robot = start_robot_process(server_->url());
+    // From its first message on; mostly once it is served.
+    if (i % 4 != 0) {
+      ASSERT_TRUE(eventually([&] { return worker->counts().ended(ReplyKind::kDone) > before; }));
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(random() % 300));
+    ::kill(robot, SIGKILL);
+    ::waitpid(robot, nullptr, 0);
+  }
+  EXPECT_TRUE(eventually([&] { return running() == 0; })) << "calls end, claims run out";
+  // Both slots are another's, and what it has left on its stream is no end of its room.
+  const auto device = open_unit(server_->url(), "robot: other"), again = open_unit(server_->url());
+  for (Device* each : {device.get(), again.get()}) {
+    const auto kernel = each->prepare(large_, {});
+    EXPECT_EQ(call_and_check(*kernel, large_, {.value = 7}), "");
+  }
+  EXPECT_EQ(worker->counts().ended(ReplyKind::kFailedTry), 0);
+}
+
+// With what lies on the stream that they share.
+TEST_F(CloudServer, TellsLargeCallsOfTwoRobotsOfOneNameApart) {
+  const auto worker = start_worker(server_->url(), 2);
+  std::vector<std::jthread> robots;
+  for (const std::uint8_t parameter : {std::uint8_t{3}, std::uint8_t{4}}) {
+    robots.emplace_back([this, parameter] {
+      const auto device = open_unit(server_->url());
+      const auto large = device->prepare(large_, {});
+      const auto weighed = device->prepare(weighed_, parameters_of(weighed_, parameter));
+      for (std::uint8_t i = 0; i < 4; ++i) {
+        const auto value = static_cast<std::uint8_t>(20 * parameter + i);
+        EXPECT_EQ(call_and_check(*large, large_, {.value = value}), "");
+        EXPECT_EQ(call_and_check(*weighed, weighed_, {.value = value}, parameter), "");
+      }
+    });
+  }
+}
+
 // The first of two workers is stopped with the task; the second one answers.
 TEST_F(CloudServer, AsksASecondWorkerWhereTheFirstIsSlow) {
   RobotOptions options = robot_options(server_->url());
@@ -505,6 +577,27 @@ TEST_F(CloudLimits, OfTheServerAreNamedWithTheirRemedies) {
   NatsServer none("", false);
   EXPECT_THAT(why_down(none, "JetStream"),
               HasSubstr("the server has no JetStream; start it with -js"));
+  NatsServer account("accounts: { A: { users: [ {user: u, password: p} ] } }\nno_auth_user: u\n");
+  EXPECT_THAT(why_down(account, "JetStream"), HasSubstr("enable it there (accounts: { NAME"));
+}
+
+// Each within its time, and none is told to start a server that is there.
+TEST_F(CloudLimits, OfWhoIsLetInAreNamedWithTheirRemedies) {
+  NatsServer server("authorization { user: u, password: p }\n");
+  ASSERT_TRUE(server.start()) << server.log();
+  const auto why = [](const std::string& url) {
+    Connection connection({.server = url}, {});
+    EXPECT_TRUE(eventually([&] { return !connection.why_down().starts_with("start one"); }));
+    return connection.why_down();
+  };
+  const std::string at = "127.0.0.1:" + std::to_string(server.port());
+  EXPECT_THAT(why("nats://u:wrong@" + at), HasSubstr("check its password, NKey or certificate"));
+  EXPECT_THAT(why("nats://" + at), HasSubstr("check its password, NKey or certificate"));
+  EXPECT_THAT(why("tls://" + at), HasSubstr("it speaks no TLS; ask for nats://"));
+  EXPECT_THAT(why("tls://nowhere.invalid:4222"), HasSubstr("or name another"));
+  ::kill(server.process(), SIGSTOP);
+  EXPECT_THAT(why("nats://u:p@" + at), HasSubstr("it does not answer; is it stopped"));
+  ::kill(server.process(), SIGCONT);
 }
 
 TEST_F(CloudLimits, OfTheStoreAreNamedWithTheirRemedies) {

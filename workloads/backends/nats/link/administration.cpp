@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cctype>
+#include <map>
+#include <string>
 #include <utility>
 
 #include "workloads/backends/nats/wire/subjects.h"
@@ -34,12 +36,15 @@ bool is_within(const Json& asked, const Json& is) {
 }
 
 /// What is oldest goes first, and what is older than an hour: its robot sends it again, or is gone.
+/// A blob has no more small chunks, its last one, than others: what says else would fill the
+/// server's memory with their subjects.
 Json stream_of(const std::string& robot, const Setup& setup) {
   return {{"name", blob_stream(robot)},
           {"subjects", Json(std::vector<std::string>{blob_subject(robot, "*", "*.*")})},
           {"retention", "limits"},
           {"max_msgs_per_subject", 1},
           {"max_bytes", setup.robot_bytes},
+          {"max_msgs", 2 * (setup.robot_bytes / kLeastChunkBytes + 1)},
           {"max_age", Nanos(std::chrono::hours(1)).count()},
           {"discard", "old"},
           {"allow_direct", true},
@@ -119,11 +124,20 @@ StreamAnswer read_answer(const Connection::Answer& answer) {
 
 std::string permissions(std::span<const std::string> robots) {
   std::string text = kUsers;
+  std::map<std::string, std::string> variables;
   for (const std::string& robot : robots) {
     check_robot_name(robot);
     std::string variable = robot;
     for (char& c : variable) {
       c = c == '-' ? '_' : static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+    }
+    if (variable == "ADMIN" || variable == "WORKER") {
+      throw_bad_input("robot '" + robot + "' would be another user; call it otherwise");
+    }
+    if (const auto [other, is_new] = variables.emplace(variable, robot); !is_new) {
+      throw_bad_input("robots '" + other->second + "' and '" + robot +
+                      "' would have one password, $PIRT_ROBOT_" + variable +
+                      "; call one of them otherwise");
     }
     text += fmt::format(fmt::runtime(kRobotUser), robot, variable);
   }

@@ -61,6 +61,16 @@ int status_of(natsMsg* message) {
   return std::atoi(text);
 }
 
+/// No robot's and no worker's message has any. The server's own have: who asks it for what is
+/// stored names the subject of the answer, and no permission binds that.
+bool has_headers(natsMsg* message) {
+  const char** keys = nullptr;
+  int count = 0;
+  const bool any = natsMsgHeader_Keys(message, &keys, &count) == NATS_OK;
+  std::free(keys);
+  return any;
+}
+
 }  // namespace
 
 struct Connection::State {
@@ -113,11 +123,11 @@ struct Connection::State {
   }
   static void on_message(natsConnection*, natsSubscription*, natsMsg* raw, void* closure) {
     const MessagePtr message(raw);
+    if (has_headers(raw)) return;
     const auto& subscription = *static_cast<Subscription*>(closure);
     const char* const reply = natsMsg_GetReply(raw);
     try {  // The library is C: nothing may be thrown through it.
-      subscription.handler(
-          {natsMsg_GetSubject(raw), reply == nullptr ? "" : reply, data_of(raw), status_of(raw)});
+      subscription.handler({natsMsg_GetSubject(raw), reply == nullptr ? "" : reply, data_of(raw)});
     } catch (const std::exception& error) {
       subscription.state->say(std::string("a message was dropped: ") + error.what());
     }

@@ -48,8 +48,7 @@ inline constexpr int kNobody = 503;
 
 struct Incoming {
   std::string subject, reply;
-  ByteView data;   ///< As long as the handler runs.
-  int status = 0;  ///< Of the server's own messages: 404, 408, 503; 0 = none.
+  ByteView data;  ///< As long as the handler runs.
 };
 
 /// Any thread may call it.
@@ -74,6 +73,7 @@ class Connection {
   /// Why it is not up, as the server or the library says it, with the remedy; empty if it is.
   [[nodiscard]] std::string why_down() const;
   /// More than @p most_bytes that wait for the handler are not taken: no sender fills the memory.
+  /// Nor are messages with headers.
   void subscribe(const std::string& subject, Handler handler,
                  std::int64_t most_bytes = std::int64_t{64} << 20);
   /// @return  Whether it is on its way.
@@ -81,7 +81,7 @@ class Connection {
 
   struct Answer {
     bool came = false;  ///< Else: no connection, or nothing came in time.
-    int status = 0;
+    int status = 0;     ///< Of the server's own: 404, 408, 503; 0 = none.
     Bytes data = {};
   };
   /// How long the server may take to answer what it knows itself.

@@ -12,6 +12,7 @@ namespace {
 
 constexpr Nanos kLook = std::chrono::milliseconds(100);
 constexpr Nanos kPatience = std::chrono::seconds(5);
+constexpr Nanos kQuiet = std::chrono::seconds(5);  ///< Between what robots do wrong.
 
 std::string counted(const WorkerCounts& counts) {
   const auto of = [&](ReplyKind how) { return counts.ended(how); };
@@ -38,6 +39,8 @@ void serve(const WorkerOptions& options, std::span<const Workload* const> worklo
   WorkerLink worker(options, workloads);
   Connection& connection = worker.connection();
   const std::string server = public_url(options.connection.server);
+  const MachineClock clock;
+  Nanos quiet_until{0};
   bool was_up = false, checked = false;
   std::string said;
   while (!events.stop()) {
@@ -52,9 +55,12 @@ void serve(const WorkerOptions& options, std::span<const Workload* const> worklo
       events.say(fmt::format("worker {} with {} slot{}", options.name, options.limits.slots,
                              options.limits.slots == 1 ? "" : "s"));
     }
-    const std::string why = up ? worker.problem() : connection.why_down();
-    if (why != said && !why.empty()) events.say(up ? why : server + ": " + why);
-    said = why;
+    std::string why = up ? worker.problem() : connection.why_down();
+    if (why != said && (!up || clock.now() >= quiet_until)) {
+      if (!why.empty()) events.say(up ? why : server + ": " + why);
+      quiet_until = clock.now() + kQuiet;
+      said = std::move(why);
+    }
     std::this_thread::sleep_for(kLook);
   }
   events.say(counted(worker.counts()));

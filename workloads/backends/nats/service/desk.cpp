@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <tuple>
+#include <utility>
 
 namespace pirt::cloud {
 
@@ -34,9 +35,11 @@ void Desk::offered(const std::string& name, std::uint64_t run, std::uint32_t wai
     robot.runs.erase(std::ranges::min_element(robot.runs, {},
                                               [](const auto& each) { return each.second.heard; }));
   }
-  robot.runs[run] = {waiting, now};
+  Run& state = robot.runs[run];
+  state.waiting = waiting;
+  state.heard = now;
   if (const auto asked = find_claim(name, run); waiting == 0 && asked != asked_.end()) {
-    answered(asked);
+    answered(asked, now);
   }
 }
 
@@ -72,21 +75,31 @@ std::vector<Desk::Asked>::iterator Desk::find_claim(const std::string& robot, st
   });
 }
 
-void Desk::answered(std::vector<Asked>::iterator asked) {
-  --robots_.at(asked->claim.robot).slots;
-  asked_.erase(asked);
+/// The slot was its robot's since it was asked: who has many tasks that take no time has no more
+/// of it than others.
+std::vector<Desk::Asked>::iterator Desk::answered(std::vector<Asked>::iterator asked, Nanos now) {
+  Robot& robot = robots_.at(asked->claim.robot);
+  --robot.slots;
+  robot.used += now - asked->since;
+  return asked_.erase(asked);
 }
 
 bool Desk::expects(const std::string& robot) const {
-  return computing_ + std::ssize(asked_) < limits_.slots ||
-         std::ranges::any_of(asked_, [&](const Asked& each) { return each.claim.robot == robot; });
+  const auto at = robots_.find(robot);
+  return std::ranges::any_of(asked_,
+                             [&](const Asked& each) { return each.claim.robot == robot; }) ||
+         (at != robots_.end() &&
+          std::ranges::any_of(at->second.runs, [](const auto& each) { return each.second.late; }));
 }
 
 bool Desk::take(const std::string& name, std::uint64_t run, std::uint32_t waiting, Nanos now) {
   if (const auto asked = find_claim(name, run); asked != asked_.end()) {
-    answered(asked);
-  } else if (computing_ + std::ssize(asked_) >= limits_.slots) {
-    return false;
+    answered(asked, now);
+  } else {
+    Robot& robot = robot_of(name, now);
+    const auto at = robot.runs.find(run);
+    const bool is_free = computing_ + std::ssize(asked_) < limits_.slots;
+    if (at == robot.runs.end() || !is_free || !std::exchange(at->second.late, false)) return false;
   }
   offered(name, run, waiting, now);
   ++robots_.at(name).slots;
@@ -114,18 +127,14 @@ std::string Desk::why_refused(const std::string& name, Nanos now) {
       name, failures.size(), to_s(limits_.failure_window));
 }
 
-/// A claim that ran out held a slot for as long: that is its robot's time.
 void Desk::forget(Nanos now) {
-  for (auto at = asked_.begin(); at != asked_.end();) {
-    if (at->since + limits_.claim > now) {
-      ++at;
-      continue;
+  const auto is_over = [&](const Asked& each) { return each.since + limits_.claim <= now; };
+  for (auto at = asked_.begin(); (at = std::find_if(at, asked_.end(), is_over)) != asked_.end();) {
+    auto& runs = robots_.at(at->claim.robot).runs;
+    if (const auto run = runs.find(at->claim.run); run != runs.end()) {
+      run->second = {.waiting = 0, .heard = run->second.heard, .late = true};
     }
-    Robot& robot = robots_.at(at->claim.robot);
-    --robot.slots;
-    robot.used += now - at->since;
-    robot.runs.erase(at->claim.run);
-    at = asked_.erase(at);
+    at = answered(at, now);
   }
 }
 

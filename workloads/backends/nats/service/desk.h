@@ -42,7 +42,8 @@ class Desk {
   };
   /// Whom to ask now; none where no slot is free, or nothing waits.
   [[nodiscard]] std::optional<Claim> claim(Nanos now);
-  /// Whether a task of the robot would be taken: it was asked for, or a slot is free.
+  /// Whether a task of the robot would be taken: one was asked for. For one that is late there has
+  /// to be a slot.
   [[nodiscard]] bool expects(const std::string& robot) const;
   /// It came. @return  Whether it has a slot now.
   [[nodiscard]] bool take(const std::string& robot, std::uint64_t run, std::uint32_t waiting,
@@ -58,6 +59,7 @@ class Desk {
   struct Run {
     std::uint32_t waiting = 0;
     Nanos heard{0};
+    bool late = false;  ///< A claim ran out, and its task may be on its way over a slow link.
   };
   struct Robot {
     std::map<std::uint64_t, Run> runs = {};
@@ -71,7 +73,8 @@ class Desk {
   };
 
   Robot& robot_of(const std::string& name, Nanos now);
-  void answered(std::vector<Asked>::iterator asked);
+  /// Or ran out. @return  The next one.
+  std::vector<Asked>::iterator answered(std::vector<Asked>::iterator asked, Nanos now);
   void forget(Nanos now);
   [[nodiscard]] std::vector<Asked>::iterator find_claim(const std::string& robot,
                                                         std::uint64_t run);

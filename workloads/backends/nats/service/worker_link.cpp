@@ -47,7 +47,7 @@ std::optional<Said> WorkerLink::read(const std::string& robot, const Incoming& m
   }
   const std::lock_guard lock(mutex_);
   counts_.malformed += said.value ? 0 : 1;
-  if (!said.value) problem_ = "robot " + robot + ": " + said.problem;
+  if (!said.value) problem_ = one_line("robot " + robot + ": " + said.problem);
   return std::move(said.value);
 }
 
