@@ -148,6 +148,31 @@ TEST_F(CloudTest, AnOutboxIsRefusedWithTheReason) {
   }
 }
 
+TEST_F(CloudTest, WhatIsOutOfReachIsNamedWithItsRemedy) {
+  scratch->write("board.yaml", R"(
+platform: board
+units:
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+  cloud: {role: cloud, backend: nats, active_w: 1, server: "nats://127.0.0.1:1"}
+)");
+  const std::string remedy = "start one (nats-server -js), or name another";
+  const auto doctor = pirt({"doctor", "--platform", scratch->file("board.yaml")});
+  EXPECT_THAT(doctor.out, HasSubstr("no connection to server nats://127.0.0.1:1"));
+  EXPECT_THAT(doctor.out, HasSubstr(remedy));
+  const auto measured = pirt({"characterize", "--quick", "--platform", scratch->file("board.yaml"),
+                              "--units", "cloud", "--filter", "^pool5$", "--max-time", "3s", "-q",
+                              "--db", scratch->file("none.db")});
+  EXPECT_EQ(measured.exit_code, 4);
+  EXPECT_THAT(measured.err, HasSubstr("no connection to server nats://127.0.0.1:1"));
+  EXPECT_THAT(measured.err, HasSubstr(remedy));
+}
+
+TEST_F(CloudCommand, AWorkerTakesItsLimitsFromAProfileOfItsUnit) {
+  const auto outcome = run_with_cloud("kill $worker; wait $worker; cat worker.log",
+                                      "--profile " + quoted(scratch->file("p.db")));
+  EXPECT_THAT(outcome.out, HasSubstr("0 taken"));
+}
+
 // Half-way through, the server is killed, and comes back.
 TEST_F(CloudCommand, ALiveRunLosesNothingWithItsServer) {
   const auto outcome =
