@@ -1,7 +1,11 @@
 #include "reports/run/live_terms.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <optional>
+
+#include "reports/document/figures.h"
 
 namespace pirt {
 namespace {
@@ -25,11 +29,40 @@ bool depends_on_data(const Profile& profile, const CallResult& call) {
                              [](const auto& note) { return note.starts_with("sequence"); });
 }
 
+struct PhaseChange {
+  std::string_view name;
+  double row_ms = 0, live_ms = 0;
+};
+
+/// The transfer or launch that alone is most of the difference between call and row; absent where
+/// that is the execution, or not known.
+std::optional<PhaseChange> changed_beside_execute(const RowCheck& check, const Profile& profile) {
+  const CallResult& live = check.live;
+  const double change_ms = live.p50_ms - *check.median_ms;
+  std::optional<PhaseChange> most;
+  const auto look = [&](Phase phase, const std::optional<double>& live_ms) {
+    const PhaseRow* row = profile.find(live.workload, live.unit, phase);
+    if (!live_ms || row == nullptr || !is_used(*row) || !row->median) return;
+    const PhaseChange found{to_string(phase), to_ms(*row->median), *live_ms};
+    const double part = (found.live_ms - found.row_ms) / change_ms;
+    if (part <= 0.5) return;
+    most = found;
+  };
+  look(Phase::kUpload, live.upload_ms);
+  look(Phase::kLaunch, live.launch_ms);
+  look(Phase::kDownload, live.download_ms);
+  return most;
+}
+
 }  // namespace
 
 std::string explanation_of(const RowCheck& check, const Profile& profile) {
   if (check.finding != RowFinding::kContradicted || !check.median_ms) return "";
   const double more_ms = check.live.p50_ms - *check.median_ms;
+  if (const auto phase = changed_beside_execute(check, profile)) {
+    return fmt::format("its {}: {} ms, {} in its row", phase->name, figure(phase->live_ms),
+                       figure(phase->row_ms));
+  }
   if (more_ms < 0) return "nothing: faster than its row";
   // Absent is less than any.
   const auto cold = std::max(added_ms(profile, check.live, Condition::kColdCache),

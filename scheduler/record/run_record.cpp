@@ -114,6 +114,10 @@ void visit(Visitor& visitor, Call& call) {
   visitor.field("completed", call.completed);
   visitor.field("p50_ms", call.p50_ms);
   visitor.field("p95_ms", call.p95_ms);
+  visitor.field("upload_ms", call.upload_ms);
+  visitor.field("launch_ms", call.launch_ms);
+  visitor.field("execute_ms", call.execute_ms);
+  visitor.field("download_ms", call.download_ms);
 }
 
 template <typename Visitor, Of<PlanRow> Planned>

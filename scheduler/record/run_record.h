@@ -92,6 +92,8 @@ struct CallResult {
   std::string workload, unit;
   std::int64_t completed = 0;  ///< At least 1: others have no entry.
   double p50_ms = 0, p95_ms = 0;
+  /// Medians, of live calls alone; `launch_ms` where the unit stamps it.
+  std::optional<double> upload_ms = {}, launch_ms = {}, execute_ms = {}, download_ms = {};
   friend bool operator==(const CallResult&, const CallResult&) = default;
 };
 

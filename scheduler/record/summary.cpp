@@ -128,11 +128,22 @@ void add_calls(const Scenario& run, const Tally& tally, RunRecord& record) {
     for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
       const Histogram& calls = tally.calls[w][unit];
       if (calls.count() == 0) continue;
-      record.calls.push_back({.workload = run.services.workloads[w],
-                              .unit = run.platform.units[unit].name,
-                              .completed = calls.count(),
-                              .p50_ms = to_ms(*calls.percentile(0.50)),
-                              .p95_ms = to_ms(*calls.percentile(0.95))});
+      CallResult& result =
+          record.calls.emplace_back(CallResult{.workload = run.services.workloads[w],
+                                               .unit = run.platform.units[unit].name,
+                                               .completed = calls.count(),
+                                               .p50_ms = to_ms(*calls.percentile(0.50)),
+                                               .p95_ms = to_ms(*calls.percentile(0.95))});
+      const auto phases = tally.phases.find({static_cast<WorkloadId>(w), unit});
+      if (phases == tally.phases.end()) continue;
+      const auto median_ms = [](const Histogram& of) -> std::optional<double> {
+        if (of.count() == 0) return std::nullopt;
+        return to_ms(*of.percentile(0.50));
+      };
+      result.upload_ms = median_ms(phases->second.upload);
+      result.launch_ms = median_ms(phases->second.launch);
+      result.execute_ms = median_ms(phases->second.execute);
+      result.download_ms = median_ms(phases->second.download);
     }
   }
 }

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "scheduler/mix/task.h"
@@ -34,12 +36,18 @@ struct PipelineTally {
   Histogram latency;                 ///< Firing to the last task's completion.
 };
 
+struct CallPhases {
+  Histogram upload, launch, execute, download;
+};
+
 struct Tally {
   std::vector<UnitTally> units;
   std::vector<PipelineTally> pipelines;
   /// Of completed calls, [workload][unit]: how long each was on its unit, with what it shared it
   /// with; of computed ones what the call itself took.
   std::vector<std::vector<Histogram>> calls;
+  /// Of computed calls that completed: what their phases took, by workload and unit.
+  std::map<std::pair<WorkloadId, UnitId>, CallPhases> phases;
   std::int64_t refused_tasks = 0;  ///< Of firings that found no buffer; no dispatcher saw them.
   TaskCounts tasks;                ///< Of the dispatcher.
   Nanos end{0};                    ///< When this was counted: the duration, or the last completion.

@@ -40,6 +40,13 @@ class KeptCalls {
   std::uint64_t seen_ = 0, stride_ = 1;
 };
 
+void count_phases(CallPhases& phases, const CallTimes& times) {
+  phases.upload.add(times.upload);
+  if (times.launch) phases.launch.add(*times.launch);
+  phases.execute.add(std::max(times.execute, Nanos::zero()));
+  phases.download.add(times.download);
+}
+
 class LiveRun final : public Executor, private LiveDriver {
  public:
   LiveRun(const Scenario& scenario, Dispatcher& dispatcher, const LiveOptions& options,
@@ -82,6 +89,7 @@ class LiveRun final : public Executor, private LiveDriver {
     note_links();
     units_.close();  // Their threads end.
     result_.tally = time_.finish();
+    result_.tally.phases = std::move(phases_);
     // What remains was not waited for; it could have started.
     if (result_.stopped) result_.tally.stalled = 0;
     result_.problems = problems_.first();
@@ -271,6 +279,7 @@ class LiveRun final : public Executor, private LiveDriver {
     const bool completed = end.outcome == Outcome::kCompleted;
     if (completed) call.commit(end);
     if (completed && options_.sink) options_.sink(place, *call.outputs);
+    if (completed) count_phases(phases_[{workload_of(job), unit}], end.times);
     if (completed && options_.calls) kept_[{workload_of(job), unit}].add(end.times);
     // Before the firing that made them may be over, and the job another one's.
     const auto outputs = std::exchange(call.outputs, nullptr);
@@ -299,6 +308,7 @@ class LiveRun final : public Executor, private LiveDriver {
   VirtualTime time_;
   int computing_ = 0;
   std::map<std::pair<WorkloadId, UnitId>, KeptCalls> kept_;
+  std::map<std::pair<WorkloadId, UnitId>, CallPhases> phases_;
   Problems problems_;
   bool closing_ = false;  ///< Nothing starts any more.
   LiveResult result_;

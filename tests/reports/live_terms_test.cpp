@@ -55,6 +55,24 @@ TEST(LiveTerms, OfASequenceItMayBeTheFrames) {
   EXPECT_EQ(explained(14, profile), "cold caches");
 }
 
+TEST(LiveTerms, APhaseThatIsMostOfTheDifferenceIsNamed) {
+  Profile profile;
+  PhaseRow upload = execute(Condition::kSteady, 1);
+  upload.phase = Phase::kUpload;
+  profile.phases = {execute(Condition::kSteady, 9), upload};
+  RowCheck check;
+  check.live = {.workload = "sobel", .unit = "cpu", .p50_ms = 14, .upload_ms = 4, .execute_ms = 10};
+  check.median_ms = 10;
+  check.finding = RowFinding::kContradicted;
+  EXPECT_EQ(explanation_of(check, profile), "its upload: 4.00 ms, 1.00 in its row");
+  check.live.upload_ms = 2;
+  EXPECT_EQ(explanation_of(check, profile), "not known: no row of cold_cache or beside_memory");
+  check.live.p50_ms = 8.5;
+  EXPECT_EQ(explanation_of(check, profile), "nothing: faster than its row");
+  check.live.upload_ms = 0.1;
+  EXPECT_EQ(explanation_of(check, profile), "its upload: 0.100 ms, 1.00 in its row");
+}
+
 TEST(LiveTerms, NothingIsSaidOfARowThatAgrees) {
   RowCheck check;
   check.median_ms = 10;

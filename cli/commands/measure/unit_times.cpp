@@ -64,13 +64,16 @@ void add_rereads(const std::vector<int>& cores, std::vector<UnitTimePart>& parts
 
 std::vector<UnitTimePart> unit_time_parts(const UnitRecord& unit) {
   std::vector<UnitTimePart> parts;
-  if (!unit.device_is_cpu) return parts;
+  // A GPU is handed its calls by a thread as well; dsp, fpga and the cloud have clocks of their
+  // own.
+  if (!unit.device_is_cpu && unit.backend != "opencl") return parts;
   for (const SleepPlan& plan : handover_plans()) {
     parts.push_back(
         part_of(UnitPhase::kHandover, plan, [cores = unit.cores, sleep = plan.sleep](int samples) {
           return measure_handover(cores, {sleep, samples});
         }));
   }
+  if (!unit.device_is_cpu) return parts;
   if (unit.backend == "cpu") {
     parts.push_back(
         {.phase = UnitPhase::kLeave,

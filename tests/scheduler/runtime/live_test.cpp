@@ -142,6 +142,12 @@ TEST(Live, ComputesWhatASerialRunComputes) {
   EXPECT_EQ(run.completed, 89);
   EXPECT_EQ(run.no_predecessor, 1);
   EXPECT_TRUE(run.set_up_s.has_value());
+  ASSERT_FALSE(run.calls.empty());
+  for (const CallResult& call : run.calls) {
+    ASSERT_TRUE(call.upload_ms && call.execute_ms && call.download_ms) << call.workload;
+    EXPECT_GT(*call.execute_ms, 0) << call.workload;
+    EXPECT_LE(*call.execute_ms, call.p95_ms * 1.01) << call.workload;
+  }
   const Outputs expected = serial();
   ASSERT_EQ(outputs.size(), expected.size());
   for (const auto& [which, bytes] : expected) {
