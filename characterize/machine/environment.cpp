@@ -252,7 +252,8 @@ Environment end_environment(const HostCounters& before, const HostCounters& afte
   if (before.heat_events && after.heat_events) {
     heat = std::to_string(*after.heat_events - *before.heat_events);
   }
-  put(facts, "run.heat_events", heat, "neither thermal_throttle nor cooling devices' stats in /sys");
+  put(facts, "run.heat_events", heat,
+      "neither thermal_throttle nor cooling devices' stats in /sys");
   return facts;
 }
 

@@ -44,9 +44,7 @@ std::optional<PhaseChange> changed_beside_execute(const RowCheck& check, const P
     const PhaseRow* row = profile.find(live.workload, live.unit, phase);
     if (!live_ms || row == nullptr || !is_used(*row) || !row->median) return;
     const PhaseChange found{to_string(phase), to_ms(*row->median), *live_ms};
-    const double part = (found.live_ms - found.row_ms) / change_ms;
-    if (part <= 0.5) return;
-    most = found;
+    if ((found.live_ms - found.row_ms) / change_ms > 0.5) most = found;
   };
   look(Phase::kUpload, live.upload_ms);
   look(Phase::kLaunch, live.launch_ms);

@@ -91,8 +91,6 @@ struct CallEnd {
   /// It was given back since its unit was out of reach, or since nobody wanted it there any more:
   /// nothing is wrong with unit and workload.
   bool excused = false;
-  /// Its unit's device computes nothing any more, and could not be opened again.
-  bool lost = false;
   std::string problem = {};  ///< Of one that failed, with the names of workload and unit.
   CallTimes times = {};      ///< Of one that completed.
   Nanos awake{0};            ///< What the unit's thread has spent awake, waiting for the call.

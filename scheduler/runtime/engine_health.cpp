@@ -7,12 +7,7 @@
 namespace pirt {
 /// A unit that cannot run one workload may well run others.
 void Runtime::Engine::count_returns(const Submitted& task) {
-  if (task.call_end.lost && units_[task.unit].in_service) {
-    add_problem("unit " + options_.platform.units[task.unit].name +
-                " is out of service: its device is lost");
-    lose(task.unit);
-    return;
-  }
+  if (!live_units_.at(task.unit).is_reachable()) asked_.fetch_or(kLook);  // Others are to have it.
   const auto workload = static_cast<WorkloadId>(task.workload_index);
   const int returns = live_units_.count_returns(task.unit, workload, task.call_end);
   Known& known = workloads_[task.workload_index];
@@ -114,7 +109,12 @@ void Runtime::Engine::look_for_reach() {
 }
 
 void Runtime::Engine::set_unit(UnitId unit, UnitState state) {
-  if (state == UnitState::kGone) return lose(unit);
+  if (state == UnitState::kGone) {
+    if (live_units_.at(unit).is_lost()) {
+      add_problem("unit " + live_units_.at(unit).name() + " is out of service: its device is lost");
+    }
+    return lose(unit);
+  }
   if (units_[unit].in_service) dispatcher_->set_unit(unit, state, now_, effects_);
   apply();
 }

@@ -149,6 +149,7 @@ bool KernelUnit::request_stop(Call& call) {
 Call* KernelUnit::wait_for_call(Lane& lane) {
   while (!stopping_) {
     if (lane.next != nullptr) return std::exchange(lane.next, nullptr);
+    if (opens_again_.exchange(false)) try_to_open();
     if (anything_waits()) {
       if (Call* const call = take_first()) return call;  // Another lane may have it.
     } else if (!spin(lane)) {
@@ -340,9 +341,6 @@ KernelUnit::Prepared* KernelUnit::find(Lane& lane, const Workload& workload) {
 
 KernelUnit::Prepared& KernelUnit::prepare(Lane& lane, const Preparation& preparation) {
   const Workload& workload = *preparation.workload;
-  if (!preparation.function && device_ == nullptr) {
-    device_ = setup_.backend->open(setup_.request);  // It was lost.
-  }
   std::erase_if(lane.kernels, [&](const auto& held) {
     return held->workload == &workload || !go_together(*held->workload, workload);
   });
@@ -392,6 +390,11 @@ bool KernelUnit::execute(Lane& lane, Call& call, CallEnd& end) {
     end.outcome = outcome;
     end.problem = call.workload->name + " on " + name() + ": " + why;
   };
+  if (lost_) {
+    end.outcome = Outcome::kReturned;
+    end.excused = true;
+    return true;
+  }
   try {
     Prepared& held = prepared(lane, *call.workload, end);
     check_values(call, held.own);
@@ -405,8 +408,7 @@ bool KernelUnit::execute(Lane& lane, Call& call, CallEnd& end) {
     // The device could not; another may.
     const bool environment = error.code() == ErrorCode::kEnvironment;
     ended(environment ? Outcome::kReturned : Outcome::kFailed, error.what());
-    const bool lost = setup_.backend != nullptr && (device_ == nullptr || device_->is_lost());
-    if (environment && lost) open_again(lane, end);
+    if (environment && device_ != nullptr && device_->is_lost()) lose_device(lane, end);
   } catch (const std::exception& error) {
     ended(Outcome::kFailed, error.what());
   } catch (...) {
@@ -415,17 +417,32 @@ bool KernelUnit::execute(Lane& lane, Call& call, CallEnd& end) {
   return true;
 }
 
-/// The device is lost: other workloads are not to fail for the one that ended it. That one counts
-/// as given back, and is not asked for any more once it is so too often.
-void KernelUnit::open_again(Lane& lane, CallEnd& end) {
+/// Other workloads are not to fail for the one whose call ended the device. That one counts as
+/// given back, and is not asked for any more once it is so too often.
+void KernelUnit::lose_device(Lane& lane, CallEnd& end) {
   lane.kernels.clear();
   device_.reset();  // First: a driver may have one context a process.
+  // Outputs in its memory hold the lost one: then it is opened when nobody has any (open_again).
+  const bool is_held = output_memory_ != nullptr;
+  lost_ = true;
+  if (!is_held) try_to_open();
+  end.problem += lost_ ? "; its device is lost" : "; its device was lost, and is opened again";
+}
+
+void KernelUnit::open_again() {
+  opens_again_ = true;
+  bell_.ring(1);
+}
+
+/// Its kernels are prepared when they are called.
+void KernelUnit::try_to_open() {
+  if (!lost_) return;
   try {
     device_ = setup_.backend->open(setup_.request);
-    end.problem += "; its device was lost, and is opened again";
-  } catch (const Error& error) {
-    end.lost = true;
-    end.problem += std::string("; its device is lost: ") + error.what();
+    if (auto memory = device_->output_memory()) output_memory_ = std::move(memory);
+    lost_ = false;
+  } catch (const Error&) {  // Not yet, then.
+    device_.reset();
   }
 }
 

@@ -13,6 +13,7 @@
 #include <span>
 #include <stop_token>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "characterize/platform/platform.h"
@@ -128,12 +129,22 @@ class KernelUnit {
   [[nodiscard]] const DeviceInfo* device() const { return device_info_ ? &*device_info_ : nullptr; }
   /// Where its outputs are best, once it is ready; null = the heap.
   [[nodiscard]] TensorMemory* output_memory() const { return output_memory_.get(); }
+  /// Its device computes nothing any more, and is not open: all calls are given back.
+  [[nodiscard]] bool is_lost() const { return lost_; }
+  /// Of one that is lost: hands out what output_memory() was, which holds the device as it was, as
+  /// does each tensor there.
+  [[nodiscard]] std::shared_ptr<TensorMemory> take_output_memory() {
+    return std::exchange(output_memory_, nullptr);
+  }
+  /// One that is lost tries to have its device again; it is not lost any more once it has.
+  void open_again();
   /// Whether it computes elsewhere, once it is ready.
   [[nodiscard]] bool is_remote() const { return remote_ != nullptr; }
-  /// Whether what it computes on is within reach, once it is ready and until it is stopped.
+  /// Whether what it computes on is within reach, and not lost, once it is ready and until it is
+  /// stopped.
   [[nodiscard]] bool is_reachable() const {
     const Remote* const remote = remote_;
-    return remote == nullptr || remote->is_reachable();
+    return remote == nullptr ? !lost_ : remote->is_reachable();
   }
   /// Whether the device tells the time of its calls by a clock of its own, once it is ready.
   [[nodiscard]] bool has_own_clock() const { return has_own_clock_; }
@@ -171,7 +182,7 @@ class KernelUnit {
   Call* wait_for_call(Lane& lane);
   bool spin(Lane& lane) const;
   [[nodiscard]] bool anything_waits() const {
-    return posted_.load() != nullptr || queued_.load() != nullptr;
+    return posted_.load() != nullptr || queued_.load() != nullptr || opens_again_.load();
   }
   Call* take_first();
   void queue_posted();
@@ -186,7 +197,8 @@ class KernelUnit {
   bool run_let_in(Lane& lane);
   bool run_call(Lane& lane, Call& call, CallEnd& end);
   bool execute(Lane& lane, Call& call, CallEnd& end);
-  void open_again(Lane& lane, CallEnd& end);
+  void lose_device(Lane& lane, CallEnd& end);
+  void try_to_open();
   std::uint64_t compute(Lane& lane, Prepared& prepared, Call& call, CallTimes& times);
 
   UnitSetup setup_;
@@ -204,6 +216,8 @@ class KernelUnit {
   std::exception_ptr failure_;
   runtime::Atomic<bool> stopping_ = false;
   runtime::Atomic<bool> abandoned_ = false;
+  runtime::Atomic<bool> lost_ = false;         ///< Written by the unit's thread.
+  runtime::Atomic<bool> opens_again_ = false;  ///< It was asked to.
 
   // Calls that wait. Who brings one leaves it in a list, the newest first; lanes turn that round.
   runtime::Atomic<Call*> posted_ = nullptr;

@@ -249,7 +249,12 @@ class LiveRun final : public Executor, private LiveDriver {
   [[nodiscard]] Expectation expected(UnitId unit, const Call& call) override {
     return {scenario_.services.find(workload_of(static_cast<JobIndex>(call.token)), unit)};
   }
-  void set_unit(UnitId unit, UnitState state) override { time_.set_unit(unit, state, now()); }
+  void set_unit(UnitId unit, UnitState state) override {
+    if (state == UnitState::kGone && units_.at(unit).is_lost()) {
+      problems_.add("unit " + units_.at(unit).name() + " is out of service: its device is lost");
+    }
+    time_.set_unit(unit, state, now());
+  }
   void give_up(UnitId, Call& call, CallEnd end) override {
     const auto job = static_cast<JobIndex>(call.token);
     if (end.outcome == Outcome::kFailed) static_cast<void>(calls_[job].release());
@@ -285,6 +290,10 @@ class LiveRun final : public Executor, private LiveDriver {
     const auto outputs = std::exchange(call.outputs, nullptr);
     call.let_go();
     const Nanos next = time_.next();
+    // Before it is given to the same unit again.
+    if (end.outcome == Outcome::kReturned && !units_.at(unit).is_reachable()) {
+      units_.look_for_reach();
+    }
     end_computing(job, {.outcome = end.outcome,
                         .busy = end.busy,
                         .preparing = end.preparing,

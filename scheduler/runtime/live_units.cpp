@@ -64,6 +64,7 @@ std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation
                                    : nullptr},
       [this, unit](Call& call, CallEnd& end) {
         call.inputs.clear();  // What it shares is to be written again when nobody else has it.
+        if (end.outcome == Outcome::kReturned) call.outputs = nullptr;  // They may hold the device.
         driver_.ended(unit, call, end);
       });
 }
@@ -113,6 +114,8 @@ std::unique_ptr<KernelUnit> LiveUnits::make_ready(UnitId unit,
 }
 
 std::unique_ptr<KernelUnit> LiveUnits::replace(UnitId unit, std::unique_ptr<KernelUnit> fresh) {
+  lost_.erase(unit);
+  out_of_reach_[unit].reset();
   return std::exchange(units_[unit], std::move(fresh));
 }
 
@@ -197,19 +200,47 @@ void LiveUnits::give_up_for_good(UnitId unit, Call& call, CallEnd end) {
 void LiveUnits::look_for_reach() {
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     if (units_[unit] == nullptr || units_[unit]->abandoned()) continue;
+    if (units_[unit]->is_lost()) {
+      if (!lost_[unit].for_good) look_for_lost(unit);
+      if (lost_[unit].for_good) {
+        out_of_reach_[unit].reset();
+        continue;
+      }
+    }
     const bool out = !units_[unit]->is_reachable();
     if (out == out_of_reach_[unit].has_value()) continue;
     out_of_reach_[unit] = out ? std::optional(clock_.now()) : std::nullopt;
-    say(units_[unit]->name() + (out ? " is out of reach" : " is within reach again"));
+    const bool was_lost = lost_.contains(unit);
+    if (!out) lost_.erase(unit);
+    say(units_[unit]->name() + (was_lost ? out ? " has lost its device" : " has its device again"
+                                : out    ? " is out of reach"
+                                         : " is within reach again"));
     // What runs there goes on: its reply may come all the same.
     driver_.set_unit(unit, out ? UnitState::kDraining : UnitState::kUp);
   }
 }
 
+void LiveUnits::look_for_lost(UnitId unit) {
+  Lost& lost = lost_[unit];
+  look_every_ = std::min(look_every_, kLookForReach);
+  if (!lost.memory) {  // Once: the unit's thread brings another one with the device.
+    const auto memory = units_[unit]->take_output_memory();
+    if (memory != nullptr) outputs_.forget(memory.get());
+    lost.memory = memory;
+  }
+  if (lost.memory->expired()) units_[unit]->open_again();
+  const auto& since = out_of_reach_[unit];
+  lost.for_good = since && clock_.now() - *since > kLongestLost;
+  if (lost.for_good) driver_.set_unit(unit, UnitState::kGone);
+}
+
 bool LiveUnits::any_may_come_back() const {
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     const auto& since = out_of_reach_[unit];
-    if (since && clock_.now() - *since < units_[unit]->remote()->patience()) return true;
+    if (!since) continue;
+    const Remote* const remote = units_[unit]->remote();
+    if (clock_.now() - *since < (remote != nullptr ? remote->patience() : kLongestLost))
+      return true;
   }
   return false;
 }

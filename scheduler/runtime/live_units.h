@@ -135,8 +135,11 @@ class LiveUnits {
   /// get out of reach at any time.
   [[nodiscard]] Nanos look_every() const { return look_every_; }
 
-  /// Units whose device is out of reach, or within it again, since this was asked last.
+  /// Units whose device is out of reach or lost, or there again, since this was asked last. One
+  /// that is lost is opened again once nobody holds what it made, and after kLongestLost is so for
+  /// good.
   void look_for_reach();
+  static constexpr Nanos kLongestLost = std::chrono::seconds(10);
   /// By then.
   [[nodiscard]] bool any_out_of_reach() const {
     return std::ranges::any_of(out_of_reach_, [](const auto& since) { return since.has_value(); });
@@ -158,6 +161,7 @@ class LiveUnits {
   void wait_until_ready(KernelUnit& unit, Nanos until) const;
   [[nodiscard]] std::optional<Nanos> limit_of(UnitId unit,
                                               const LiveDriver::Expectation& expected) const;
+  void look_for_lost(UnitId unit);
   void give_up(UnitId unit, Call& call, Nanos ran, const std::vector<Call*>& behind);
   void give_up_for_good(UnitId unit, Call& call, CallEnd end);
   void say(const std::string& line) const {
@@ -175,6 +179,11 @@ class LiveUnits {
   Nanos next_overdue_ = Nanos::max();
   std::vector<std::map<WorkloadId, int>> returns_;  ///< By unit; of those that gave any back.
   std::vector<std::optional<Nanos>> out_of_reach_;  ///< By unit, as the driver was told: since.
+  struct Lost {
+    std::optional<std::weak_ptr<TensorMemory>> memory;  ///< Once it was taken: in use by then.
+    bool for_good = false;
+  };
+  std::map<UnitId, Lost> lost_;
   std::vector<std::unique_ptr<KernelUnit>> units_;  ///< Last: their threads use all of it.
 };
 

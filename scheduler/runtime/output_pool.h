@@ -21,8 +21,8 @@ class OutputPool {
   using Outputs = std::shared_ptr<std::vector<Tensor>>;
 
   /// Tensors as Workload::outputs that nobody else has, of which some may have held earlier ones.
-  /// @param memory  Device::output_memory of the unit that writes them, which lives as long as
-  /// this. They come back when the last to hold what is returned lets go of it, but for those of
+  /// @param memory  Device::output_memory of the unit that writes them, which lives until forget().
+  /// They come back when the last to hold what is returned lets go of it, but for those of
   /// which somebody shares a tensor: these are his.
   [[nodiscard]] Outputs take(const Workload& workload, TensorMemory* memory = nullptr) {
     const Key key{&workload, memory};
@@ -34,6 +34,9 @@ class OutputPool {
               free->put(key, std::unique_ptr<std::vector<Tensor>>(back));
             }};
   }
+
+  /// Lets go of all that is in that memory, also of what comes back later.
+  void forget(const TensorMemory* memory) { free_->forget(memory); }
 
  private:
   using Key = std::pair<const Workload*, const TensorMemory*>;
@@ -61,8 +64,14 @@ class OutputPool {
         return;
       }
       const std::lock_guard lock(mutex_);
-      auto& sets = sets_[key];
-      if (sets.size() < kMost) sets.push_back(std::move(outputs));
+      const auto sets = sets_.find(key);
+      if (sets != sets_.end() && sets->second.size() < kMost) {
+        sets->second.push_back(std::move(outputs));
+      }
+    }
+    void forget(const TensorMemory* memory) {
+      const std::lock_guard lock(mutex_);
+      std::erase_if(sets_, [memory](const auto& each) { return each.first.second == memory; });
     }
 
    private:

@@ -11,6 +11,7 @@ extern const char* const kTestWorker;    ///< characterize/worker_main.cc: a wor
 /// characterize/nvml_stand_in.cc, as it is and as an old driver's.
 extern const char* const kNvmlStandIn;
 extern const char* const kNvmlStandInOld;
+extern const char* const kGpuStandIn;       ///< workloads/backends/opencl/gpu_stand_in.cc
 extern const char* const kMeddlingLibrary;  ///< cli/meddling_library.cc
 extern const char* const kExampleModule;    ///< examples/module/mine.cpp
 extern const char* const kFastModule;       ///< examples/module/fast.cpp

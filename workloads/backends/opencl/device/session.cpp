@@ -92,8 +92,8 @@ bool is_lost(const DeviceSession& session) {
     session.queue.enqueueFillBuffer(word, cl_uint{0}, 0, sizeof(cl_uint));
     session.queue.finish();
     return false;
-  } catch (const cl::Error&) {
-    return true;
+  } catch (const cl::Error& error) {  // One that is full will have room again.
+    return error.err() != CL_MEM_OBJECT_ALLOCATION_FAILURE && error.err() != CL_OUT_OF_HOST_MEMORY;
   }
 }
 

@@ -1,0 +1,94 @@
+// A GPU that runs out of memory or loses its context, as the layer gpu_stand_in makes PoCL's device
+// one.
+#include "tests/cli/program.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+class StandInGpu : public testing::Test {
+ protected:
+  StandInGpu() {
+    scratch_.write("board.yaml", R"(
+platform: board
+units:
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+  gpu: {backend: opencl, device: own_memory, slots: 1}
+workloads:
+  sobel: {cpu: [{on: cpu, ms: 100}], gpu: [{on: gpu, ms: 2}]}
+  gaussian_blur: {cpu: [{on: cpu, ms: 100}], gpu: [{on: gpu, ms: 2}]}
+)");
+    scratch_.write("mix.yaml", R"(
+mix: m
+pipelines:
+  p: {rate_hz: 20, tasks: [{workload: gaussian_blur, name: a}, {workload: sobel, name: b, after: [a]}]}
+)");
+  }
+  static Outcome with_gpu(const std::vector<std::string>& arguments, const std::string& how = "") {
+    return pirt(arguments,
+                "OPENCL_LAYERS=" + quoted(kGpuStandIn) + " PIRT_STAND_IN_GPU=" + quoted(how));
+  }
+  [[nodiscard]] Outcome live(const std::string& how) const {
+    return with_gpu(
+        {"schedule", "--live", "--mode", "ect", "--platform", scratch_.file("board.yaml"), "--mix",
+         scratch_.file("mix.yaml"), "--duration", "2s", "--json", scratch_.file("run.json")},
+        how);
+  }
+  [[nodiscard]] nlohmann::json record() const {
+    return nlohmann::json::parse(slurp(scratch_.file("run.json")));
+  }
+  [[nodiscard]] std::int64_t completed_on(const std::string& name) const {
+    for (const auto& unit : record()["units"]) {
+      if (unit["unit"] == name) return unit["completed"];
+    }
+    return -1;
+  }
+  const Scratch scratch_;
+};
+
+TEST_F(StandInGpu, IsAGpuToPirt) {
+  const auto backends = with_gpu({"list", "backends"});
+  EXPECT_THAT(backends.out, HasSubstr("Stand-in GPU")) << backends.err;
+}
+
+TEST_F(StandInGpu, ALostContextIsOpenedAgainAndNoTaskIsLost) {
+  const auto outcome = live("lose=20");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err,
+              AllOf(HasSubstr("CL_OUT_OF_RESOURCES"), HasSubstr("its device is lost"),
+                    HasSubstr("gpu has lost its device"), HasSubstr("gpu has its device again")));
+  EXPECT_THAT(outcome.err, Not(HasSubstr("out of service")));
+  const auto run = record();
+  EXPECT_EQ(run["submitted"], 80);
+  EXPECT_EQ(run["failed"].get<int>() + run["dropped"].get<int>(), 0);
+  EXPECT_GT(completed_on("gpu"), 20) << "it serves again";
+}
+
+TEST_F(StandInGpu, OneThatStaysLostLeavesItsTasksToOthers) {
+  const auto outcome = live("lose=20,reopens=no");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("gpu has lost its device"));
+  EXPECT_THAT(outcome.err, Not(HasSubstr("again")));
+  const auto run = record();
+  EXPECT_EQ(run["failed"].get<int>() + run["dropped"].get<int>(), 0);
+  EXPECT_LE(completed_on("gpu"), 20);
+  EXPECT_GT(completed_on("cpu"), 0);
+}
+
+TEST_F(StandInGpu, WhatDoesNotFitIntoItsMemoryIsOneCellSaidWhy) {
+  const auto database = scratch_.file("p.db");
+  const auto outcome =
+      with_gpu({"characterize", "--quick", "--platform", scratch_.file("board.yaml"), "--units",
+                "gpu", "--filter", "^(sobel|fc8)$", "--max-time", "30s", "--db", database},
+               "memory_mb=8");  // sobel has 9 MB
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto rows = run("sqlite3 " + quoted(database) +
+                        " \"SELECT workload, phase, reasons FROM profile_summary\"");
+  EXPECT_EQ(rows.out, "");
+}
+
+}  // namespace
+}  // namespace pirt::test
