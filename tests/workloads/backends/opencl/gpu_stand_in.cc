@@ -1,9 +1,9 @@
 // A layer of the OpenCL loader (OPENCL_LAYERS) that makes PoCL's device stand in for a GPU: with
 // memory of its own, of which there is too little, and a context that is lost. PIRT_STAND_IN_GPU
 // says how, in words with a comma between:
-//   memory_mb=N  what its buffers may take together. As NVIDIA's driver does it, a buffer that is
-//   too
-//                much is made, and the first command that needs it fails.
+//   memory_mb=N  what it has, 1024 otherwise.
+//   taken_mb=N   what others have of that. As NVIDIA's driver does it, a buffer that is too much is
+//                made, and the first command fails.
 //   lose=N       the Nth kernel that is put into a queue ends the context: nothing in it succeeds
 //   any more. reopens=no   and no context can be made after that; otherwise once all of the lost
 //   one is released, as
@@ -21,6 +21,8 @@ namespace {
 
 const cl_icd_dispatch* driver = nullptr;
 cl_icd_dispatch layer;
+
+constexpr long kMemoryMb = 1024;
 
 std::mutex mutex;
 struct Held {
@@ -48,7 +50,8 @@ bool reopens() {
 cl_int state_of(cl_context context) {
   const std::lock_guard lock(mutex);
   if (is_lost && context == lost) return CL_OUT_OF_RESOURCES;
-  if (used_bytes > static_cast<std::size_t>(option("memory_mb=", 1 << 20)) << 20) {
+  const long most_mb = option("memory_mb=", kMemoryMb) - option("taken_mb=", 0);
+  if (used_bytes > static_cast<std::size_t>(most_mb) << 20) {
     return CL_MEM_OBJECT_ALLOCATION_FAILURE;
   }
   return CL_SUCCESS;
@@ -171,7 +174,7 @@ cl_int CL_API_CALL device_info(cl_device_id device, cl_device_info what, size_t 
   const cl_device_type gpu = CL_DEVICE_TYPE_GPU;
   const cl_bool no = CL_FALSE;
   static const char name[] = "Stand-in GPU";
-  const cl_ulong memory = static_cast<cl_ulong>(option("memory_mb=", 1024)) << 20;
+  const cl_ulong memory = static_cast<cl_ulong>(option("memory_mb=", kMemoryMb)) << 20;
   switch (what) {
     case CL_DEVICE_TYPE:
       return answer(&gpu, sizeof(gpu));
