@@ -17,7 +17,7 @@ class Own : public testing::Test {
   [[nodiscard]] Outcome characterize(const std::string& file, const std::string& filter,
                                      const std::string& units = "cpu") const {
     return pirt({"characterize", "--workloads", file, "--filter", filter, "--units", units,
-                 "--quick", "--max-time", "3s", "--db", database_});
+                 "--quick", "--max-time", "10s", "--db", database_});
   }
   const Scratch scratch_;
   const std::string database_ = scratch_.file("p.db");
@@ -27,7 +27,7 @@ TEST_F(Own, AModuleThatDoesWhatNoKernelShouldCostsOneCellEach) {
   const auto outcome =
       pirt({"characterize", "--workloads", kHostileModule, "--filter",
             "^bad\\.(good|crash|beyond|far_beyond|throws|prints|ends|thread|wrong)$", "--units",
-            "cpu", "--quick", "--max-time", "12s", "--db", database_});
+            "cpu", "--quick", "--max-time", "30s", "--db", database_});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, Not(HasSubstr("hello")));
   const auto why = [&](const std::string& name, const std::string& text) {

@@ -337,7 +337,7 @@ TEST(ReadSequence, NamesBothLayoutsForAFolderThatIsNeither) {
   EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(scratch.path())); }),
               testing::AllOf(HasSubstr("cam0"), HasSubstr("calib.txt")));
   EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(scratch.path() / "none")); }),
-              HasSubstr("no folder"));
+              HasSubstr("there is nothing of that name"));
 }
 
 TEST(WriteEuroc, LeavesAFolderThatIsNotEmptyAlone) {
