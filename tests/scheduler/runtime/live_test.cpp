@@ -142,8 +142,9 @@ TEST(Live, ComputesWhatASerialRunComputes) {
   EXPECT_EQ(run.completed, 89);
   EXPECT_EQ(run.no_predecessor, 1);
   EXPECT_TRUE(run.set_up_s.has_value());
-  ASSERT_FALSE(run.calls.empty());
+  EXPECT_FALSE(run.calls.empty());
   for (const CallResult& call : run.calls) {
+    if (!run.find_unit(call.unit)->backend) continue;  // Paced: it makes no calls.
     ASSERT_TRUE(call.upload_ms && call.execute_ms && call.download_ms) << call.workload;
     EXPECT_GT(*call.execute_ms, 0) << call.workload;
     EXPECT_LE(*call.execute_ms, call.p95_ms * 1.01) << call.workload;
