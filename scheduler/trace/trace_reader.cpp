@@ -44,7 +44,12 @@ TraceReader::TraceReader(const std::filesystem::path& path)
 }
 
 void TraceReader::begin(const std::filesystem::path& path) {
-  std::getline(in_, line_);
+  // A line of what is no trace may have no end.
+  line_.resize(TraceFile::kHeaderLine.size());
+  in_.read(line_.data(), static_cast<std::streamsize>(line_.size()));
+  std::string rest;
+  if (line_ == TraceFile::kHeaderLine) std::getline(in_, rest);
+  line_ += rest;
   if (const auto header = arguments(line_, TraceFile::kHeaderLine); header && !in_.eof()) {
     setup_ = dispatcher_setup_from_json(parse_json(*header));
     return;
