@@ -303,7 +303,7 @@ TEST(Characterize, DoubtsEachCallBesideOtherPrograms) {
       run("pids=; for i in $(seq $((2 * $(nproc)))); do (while :; do :; done) & pids=\"$pids $!\"; "
           "done; trap 'kill $pids' EXIT; " +
           quoted(kProgram) + " characterize --quick --platform host-cpu --filter '^fc8$' " +
-          "--max-time 6s --db " + quoted(database) + " --json -");
+          "--max-time 20s --db " + quoted(database) + " --json -");
   ASSERT_EQ(made.exit_code, 0) << made.err;
   EXPECT_THAT(made.err, HasSubstr("other programs take"));
   EXPECT_THAT(made.err, Not(HasSubstr("not valid")));
