@@ -41,10 +41,7 @@ pipelines:
     return nlohmann::json::parse(slurp(scratch_.file("run.json")));
   }
   [[nodiscard]] std::int64_t completed_on(const std::string& name) const {
-    for (const auto& unit : record()["units"]) {
-      if (unit["unit"] == name) return unit["completed"];
-    }
-    return -1;
+    return record()["units"][name]["completed"];
   }
   const Scratch scratch_;
 };
