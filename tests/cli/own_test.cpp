@@ -15,9 +15,10 @@ using testing::Not;
 class Own : public testing::Test {
  protected:
   [[nodiscard]] Outcome characterize(const std::string& file, const std::string& filter,
-                                     const std::string& units = "cpu") const {
+                                     const std::string& units = "cpu",
+                                     const std::string& max_time = "10s") const {
     return pirt({"characterize", "--workloads", file, "--filter", filter, "--units", units,
-                 "--quick", "--max-time", "10s", "--db", database_});
+                 "--quick", "--max-time", max_time, "--db", database_});
   }
   const Scratch scratch_;
   const std::string database_ = scratch_.file("p.db");
@@ -27,7 +28,7 @@ TEST_F(Own, AModuleThatDoesWhatNoKernelShouldCostsOneCellEach) {
   const auto outcome =
       pirt({"characterize", "--workloads", kHostileModule, "--filter",
             "^bad\\.(good|crash|beyond|far_beyond|throws|prints|ends|thread|wrong)$", "--units",
-            "cpu", "--quick", "--max-time", "30s", "--db", database_});
+            "cpu", "--quick", "--max-time", "60s", "--db", database_});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, Not(HasSubstr("hello")));
   const auto why = [&](const std::string& name, const std::string& text) {
@@ -158,7 +159,7 @@ TEST_F(Own, IsScheduledOnABoardThatIsModelled) {
 TEST_F(Own, ThatHangsCostsTheTimeThatItsFileSays) {
   const std::string file = scratch_.write(
       "w.yaml", std::string("workloads:\n  - {module: ") + kHostileModule + ", limit_s: 8}\n");
-  const auto outcome = characterize(file, "^bad\\.(hang|good)$");
+  const auto outcome = characterize(file, "^bad\\.(hang|good)$", "cpu", "45s");
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.err,
               AllOf(HasSubstr("bad.hang on cpu: not"), HasSubstr("timed out after 8 s"),
