@@ -13,6 +13,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/system/caches.h"
+#include "workloads/base/system/large_memory.h"
 #include "workloads/base/time.h"
 
 namespace pirt {
@@ -63,22 +64,31 @@ std::vector<Nanos> time_arithmetic(Nanos duration) {
                      [&](std::int64_t steps) { loop.run(values.front().values.data(), steps); });
 }
 
-/// Reading on the calling thread; a step is a stretch of memory, one after the other.
+/// Reading on the calling thread; a step is a stretch of memory, one after the other: twice what
+/// the last cache holds, or as much as the system gives in a quarter of the time.
 std::vector<Nanos> time_reading(Nanos duration) {
   constexpr std::size_t kStep = 16 * cpu::ReadLoop::kGrain;
+  constexpr std::size_t kWords = kStep / sizeof(std::uint32_t);
   constexpr std::int64_t kWithoutCacheSizes = std::int64_t{64} << 20;
   const auto last = read_cache_sizes().last_bytes;
-  const std::int64_t memory = std::int64_t{::sysconf(_SC_PHYS_PAGES)} * ::sysconf(_SC_PAGE_SIZE);
-  const std::int64_t bytes = std::min(last ? 2 * *last : kWithoutCacheSizes, memory / 8);
-  const auto stretches = std::max<std::size_t>(1, static_cast<std::size_t>(bytes) / kStep);
-  const std::vector<CacheLine> lines(stretches * kStep / sizeof(CacheLine));
-  const auto* const words = reinterpret_cast<const std::uint32_t*>(lines.data());
+  const std::int64_t most = std::int64_t{::sysconf(_SC_PHYS_PAGES)} * ::sysconf(_SC_PAGE_SIZE) / 8;
+  const auto bytes =
+      static_cast<std::size_t>(std::min(last ? 2 * *last : kWithoutCacheSizes, most));
+  const LargeMemory memory(std::max(bytes, kStep));
+  auto* const words = memory.as<std::uint32_t>();
+  const MachineClock clock;
+  const Nanos begin = clock.now();
+  std::size_t stretches = 0;
+  do {
+    std::fill_n(words + stretches * kWords, kWords, 1U);
+    ++stretches;
+  } while ((stretches + 1) * kStep <= bytes && clock.now() - begin < duration / 4);
   const cpu::ReadLoop& loop = last_available(cpu::read_loops());
   std::size_t next = 0;
   volatile std::uint32_t sum = 0;  // so that the reading is done
-  return time_pieces(duration, 1, [&](std::int64_t steps) {
+  return time_pieces(duration - (clock.now() - begin), 1, [&](std::int64_t steps) {
     for (std::int64_t i = 0; i < steps; ++i) {
-      sum = loop.sum(words + next * (kStep / sizeof(std::uint32_t)), kStep);
+      sum = loop.sum(words + next * kWords, kStep);
       next = (next + 1) % stretches;
     }
   });

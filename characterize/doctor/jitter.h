@@ -24,9 +24,9 @@ struct Jitter {
 };
 
 /// For half of @p duration, all of @p cores at once: multiply-adds that fill a core's arithmetic
-/// and touch no memory. For the other half, the first core alone: reading twice the last cache. The
-/// first fifth of each, in which a clock may still rise, is left out; what is left has at least one
-/// piece.
+/// and touch no memory. For the other half, the first core alone: reading twice the last cache, or
+/// the part of it that the system gives in good time. The first fifth of each, in which a clock may
+/// still rise, is left out; what is left has at least one piece.
 /// @param cores  At least one.
 /// @throws Error{kEnvironment} if a core may not be used.
 [[nodiscard]] Jitter measure_jitter(const std::vector<int>& cores, Nanos duration);

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "workloads/base/time.h"
+#include "workloads/base/system/large_memory.h"
 
 namespace pirt {
 
@@ -23,7 +23,7 @@ class CacheSweep {
 
  private:
   std::vector<int> cores_;
-  std::vector<std::uint64_t> words_;
+  LargeMemory memory_;
 };
 
 }  // namespace pirt

@@ -1,6 +1,7 @@
 #include "characterize/worker/reread.h"
 
 #include <array>
+#include <cstring>
 #include <thread>
 
 #include "workloads/base/error.h"
@@ -36,16 +37,20 @@ std::span<const SleepPlan> Reread::plans() { return kPlans; }
 
 Reread::Reread(std::vector<int> cores)
     : cores_(std::move(cores)),
-      words_(static_cast<std::size_t>(last_of(cores_) / kPartOfLast) / sizeof(std::uint64_t), 1),
-      sweep_(cores_, last_of(cores_)) {}
+      memory_(static_cast<std::size_t>(last_of(cores_) / kPartOfLast)),
+      sweep_(cores_, last_of(cores_)) {
+  std::memset(memory_.as<std::byte>(), 1, memory_.size_bytes());  // what is untouched has no bytes
+}
 
 Nanos Reread::read() const {
   const MachineClock clock;
   const Nanos begin = clock.now();
+  const auto* const words = memory_.as<std::uint64_t>();
+  const std::size_t count = memory_.size_bytes() / sizeof(std::uint64_t);
   // Four sums: additions must not wait for each other, only for memory.
   std::array<std::uint64_t, 4> sums{};
-  for (std::size_t word = 0; word + 4 * kLineWords <= words_.size(); word += 4 * kLineWords) {
-    for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += words_[word + i * kLineWords];
+  for (std::size_t word = 0; word + 4 * kLineWords <= count; word += 4 * kLineWords) {
+    for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += words[word + i * kLineWords];
   }
   volatile std::uint64_t kept = sums[0] + sums[1] + sums[2] + sums[3];
   static_cast<void>(kept);

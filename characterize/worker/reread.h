@@ -7,6 +7,7 @@
 
 #include "characterize/profile/unit_phase.h"
 #include "characterize/worker/cache_sweep.h"
+#include "workloads/base/system/large_memory.h"
 #include "workloads/base/time.h"
 
 namespace pirt {
@@ -34,7 +35,7 @@ class Reread {
   [[nodiscard]] Nanos read() const;
 
   std::vector<int> cores_;
-  std::vector<std::uint64_t> words_;
+  LargeMemory memory_;
   CacheSweep sweep_;
 };
 

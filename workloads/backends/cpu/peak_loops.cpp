@@ -1,7 +1,6 @@
 #include "workloads/backends/cpu/peak_loops.h"
 
 #include <fmt/core.h>
-#include <sys/mman.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,8 +12,10 @@
 #include "workloads/backends/cpu/threads.h"
 #include "workloads/base/error.h"
 #include "workloads/base/math/peak_math.h"
+#include "workloads/base/math/random.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/system/caches.h"
+#include "workloads/base/system/large_memory.h"
 
 namespace pirt::cpu {
 namespace {
@@ -25,40 +26,12 @@ using Cores = std::shared_ptr<CoreTeam>;
 /// nothing: 20 us and more.
 constexpr std::int64_t kIterations = 16'384;
 
-/// Aligned memory, in huge pages where the system has any: a limit should not be that of address
-/// translation.
-class Memory {
- public:
-  explicit Memory(std::size_t size_bytes) : size_(size_bytes) {
-    data_ = ::mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (data_ == MAP_FAILED) {
-      throw_environment(
-          fmt::format("cannot get {} MB of memory to measure bandwidth with", size_ >> 20U));
-    }
-#ifdef MADV_HUGEPAGE
-    ::madvise(data_, size_, MADV_HUGEPAGE);  // only a wish
-#endif
-  }
-  ~Memory() { ::munmap(data_, size_); }
-  Memory(const Memory&) = delete;
-  Memory& operator=(const Memory&) = delete;
-
-  template <typename T>
-  [[nodiscard]] T* as() const {
-    return static_cast<T*>(data_);
-  }
-
- private:
-  std::size_t size_;
-  void* data_ = nullptr;
-};
-
 class ChainPeak final : public PeakLoop {
  public:
   ChainPeak(const ChainLoop& loop, Cores team) : loop_(loop), team_(std::move(team)) {
     for (int i = 0; i < team_->size(); ++i) {
       values_.push_back(
-          std::make_unique<Memory>(sizeof(float) * static_cast<std::size_t>(loop.values)));
+          std::make_unique<LargeMemory>(sizeof(float) * static_cast<std::size_t>(loop.values)));
     }
   }
 
@@ -108,7 +81,7 @@ class ChainPeak final : public PeakLoop {
 
   const ChainLoop& loop_;
   Cores team_;
-  std::vector<std::unique_ptr<Memory>> values_;  ///< Of each core.
+  std::vector<std::unique_ptr<LargeMemory>> values_;  ///< Of each core.
 };
 
 class DotPeak final : public PeakLoop {
@@ -126,7 +99,8 @@ class DotPeak final : public PeakLoop {
       const auto value = static_cast<int>(hash_u64(2, static_cast<std::uint64_t>(i)) % 128) - 64;
       weights_.as<std::int8_t>()[i] = static_cast<std::int8_t>(value);
     }
-    for (int i = 0; i < team_->size(); ++i) sums_.push_back(std::make_unique<Memory>(sums_bytes()));
+    for (int i = 0; i < team_->size(); ++i)
+      sums_.push_back(std::make_unique<LargeMemory>(sums_bytes()));
   }
 
   [[nodiscard]] PeakKind kind() const override { return PeakKind::kInt8; }
@@ -178,31 +152,46 @@ class DotPeak final : public PeakLoop {
 
   const DotLoop& loop_;
   Cores team_;
-  Memory data_, weights_;                      ///< Shared; only read.
-  std::vector<std::unique_ptr<Memory>> sums_;  ///< Of each core.
+  LargeMemory data_, weights_;                      ///< Shared; only read.
+  std::vector<std::unique_ptr<LargeMemory>> sums_;  ///< Of each core.
 };
 
-/// Memory of each core, filled by that core (which puts it near the core), with the sums.
+/// Memory of each core, filled by that core (which puts it near the core), in stretches one of
+/// which a read is, with their sums.
 struct Slices {
   std::size_t size_bytes = 0;  ///< Of one slice.
-  std::vector<std::unique_ptr<Memory>> memory;
-  std::vector<std::uint32_t> sums;
+  std::size_t stretch_bytes = 0;
+  std::vector<std::unique_ptr<LargeMemory>> memory;
+  std::vector<std::vector<std::uint32_t>> sums;  ///< Of each core's stretches.
 
-  Slices(CoreTeam& team, std::size_t slice_bytes)
-      : size_bytes(slice_bytes), sums(static_cast<std::size_t>(team.size())) {
-    for (int i = 0; i < team.size(); ++i) memory.push_back(std::make_unique<Memory>(slice_bytes));
+  Slices(CoreTeam& team, std::size_t slice_bytes, std::size_t most_bytes)
+      : size_bytes(slice_bytes),
+        stretch_bytes(std::min(slice_bytes, most_bytes)),
+        sums(static_cast<std::size_t>(team.size())) {
+    for (int i = 0; i < team.size(); ++i) {
+      memory.push_back(std::make_unique<LargeMemory>(slice_bytes));
+    }
     team.run([&](int index) {
       const auto i = static_cast<std::size_t>(index);
-      sums[i] = peak_math::fill_words({memory[i]->as<std::uint32_t>(), slice_bytes / 4}, i + 1);
+      for (std::size_t s = 0; s < size_bytes / stretch_bytes; ++s) {
+        sums[i].push_back(peak_math::fill_words(
+            {stretch(i, s), stretch_bytes / sizeof(std::uint32_t)}, hash_u64(i + 1, s)));
+      }
     });
+  }
+
+  [[nodiscard]] std::uint32_t* stretch(std::size_t core, std::size_t at) const {
+    return memory[core]->as<std::uint32_t>() + at * stretch_bytes / sizeof(std::uint32_t);
   }
 };
 
+/// One stretch after the other, also from run to run: of the ones before next to nothing is in a
+/// cache when they come again, if it is smaller than the slices.
 class ReadPeak final : public PeakLoop {
  public:
   ReadPeak(const ReadLoop& loop, PeakKind kind, Cores team, std::shared_ptr<const Slices> slices)
       : loop_(loop), kind_(kind), team_(std::move(team)), slices_(std::move(slices)) {
-    found_.resize(slices_->sums.size());
+    read_.resize(slices_->sums.size());
   }
 
   [[nodiscard]] PeakKind kind() const override { return kind_; }
@@ -210,42 +199,51 @@ class ReadPeak final : public PeakLoop {
     return fmt::format("{}, {} kB a core", loop_.name, slices_->size_bytes / 1024);
   }
   [[nodiscard]] double work() const override {
-    return static_cast<double>(slices_->size_bytes) * team_->size();
+    return static_cast<double>(slices_->stretch_bytes) * team_->size();
   }
 
   void run(int repeats) override {
-    repeats_ = repeats;
     team_->run([&](int index) {
       const auto i = static_cast<std::size_t>(index);
-      std::uint32_t sum = 0;
+      Read read{.next = read_[i].next};
       for (int r = 0; r < repeats; ++r) {
-        sum += loop_.sum(slices_->memory[i]->as<std::uint32_t>(), slices_->size_bytes);
+        read.found += loop_.sum(slices_->stretch(i, read.next), slices_->stretch_bytes);
+        read.expected += slices_->sums[i][read.next];
+        read.next = (read.next + 1) % slices_->sums[i].size();
       }
-      found_[i] = sum;
+      read_[i] = read;
     });
+    ran_ = repeats > 0;
   }
 
   [[nodiscard]] Verdict verify() const override {
-    if (repeats_ == 0) return {.ok = false, .detail = "nothing was read yet"};
-    for (std::size_t i = 0; i < found_.size(); ++i) {
-      const auto expected = static_cast<std::uint32_t>(repeats_) * slices_->sums[i];
-      if (found_[i] == expected) continue;
-      return {.ok = false, .detail = fmt::format("a sum is {} instead of {}", found_[i], expected)};
+    if (!ran_) return {.ok = false, .detail = "nothing was read yet"};
+    for (const Read& read : read_) {
+      if (read.found == read.expected) continue;
+      return {.ok = false,
+              .detail = fmt::format("a sum is {} instead of {}", read.found, read.expected)};
     }
     return {.ok = true, .detail = "every sum is exact"};
   }
 
  private:
+  /// Of one core.
+  struct alignas(64) Read {
+    std::uint32_t found = 0, expected = 0;  ///< Of the last run.
+    std::size_t next = 0;
+  };
+
   const ReadLoop& loop_;
   PeakKind kind_;
   Cores team_;
   std::shared_ptr<const Slices> slices_;
-  std::vector<std::uint32_t> found_;  ///< Of each core.
-  int repeats_ = 0;
+  std::vector<Read> read_;  ///< By core.
+  bool ran_ = false;
 };
 
 void add_reads(PeakKind kind, std::size_t slice_bytes, const Cores& team, PeakLoops& all) {
-  const auto slices = std::make_shared<const Slices>(*team, slice_bytes);
+  constexpr std::size_t kMostAtOnce = std::size_t{1} << 20U;  // 0.1 ms of a core's: a few a sample
+  const auto slices = std::make_shared<const Slices>(*team, slice_bytes, kMostAtOnce);
   for (const ReadLoop& loop : read_loops()) {
     if (loop.available()) all.loops.push_back(std::make_unique<ReadPeak>(loop, kind, team, slices));
   }

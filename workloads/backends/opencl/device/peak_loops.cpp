@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <span>
 #include <utility>
 
 #include "opencl_files.h"
 #include "workloads/base/math/peak_math.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/system/caches.h"
+#include "workloads/base/system/large_memory.h"
 
 namespace pirt::opencl {
 namespace {
@@ -119,21 +121,32 @@ class ChainPeak final : public PeakLoop {
   std::size_t items_;
 };
 
-/// Words on the device and on the host, where they are summed to know what is right.
+/// Words on the device, in stretches one of which a launch reads, and on the host, where they are
+/// summed to know what is right.
 struct Words {
-  std::vector<std::uint32_t> host;
-  cl::Buffer device;
+  LargeMemory host;
+  std::size_t stretch_bytes;
+  std::vector<cl::Buffer> stretches;
 
-  Words(const DeviceSession& session, std::size_t size_bytes) : host(size_bytes / 4) {
-    peak_math::fill_words(host, 1);
-    device = cl::Buffer(session.context, CL_MEM_READ_ONLY | CL_MEM_COPY_HOST_PTR, size_bytes,
-                        host.data());
+  /// @param stretch_bytes  Divides @p size_bytes.
+  Words(const DeviceSession& session, std::size_t size_bytes, std::size_t stretch)
+      : host(size_bytes), stretch_bytes(stretch) {
+    peak_math::fill_words({host.as<std::uint32_t>(), size_bytes / sizeof(std::uint32_t)}, 1);
+    // What is a host's already is not copied.
+    const cl_mem_flags where = session.is_cpu ? CL_MEM_USE_HOST_PTR : CL_MEM_COPY_HOST_PTR;
+    for (std::size_t at = 0; at < size_bytes; at += stretch) {
+      stretches.emplace_back(session.context, CL_MEM_READ_ONLY | where, stretch,
+                             host.as<std::byte>() + at);
+    }
   }
 
-  [[nodiscard]] std::uint32_t sum(int passes) const {
+  [[nodiscard]] std::size_t stretch_words() const { return stretch_bytes / sizeof(std::uint32_t); }
+
+  [[nodiscard]] std::uint32_t sum(std::size_t stretch, int passes) const {
+    const std::span words(host.as<std::uint32_t>() + stretch * stretch_words(), stretch_words());
     std::uint32_t total = 0;
     for (std::uint32_t pass = 0; pass < static_cast<std::uint32_t>(passes); ++pass) {
-      for (const std::uint32_t word : host) total += word ^ pass;
+      for (const std::uint32_t word : words) total += word ^ pass;
     }
     return total;
   }
@@ -148,8 +161,8 @@ class ReadPeak final : public PeakLoop {
     kInterleaved,  ///< A GPU's: items read side by side.
   };
 
-  /// @param items  Divides the number of lines (64 bytes) into stretches of a multiple of four
-  /// lines.
+  /// @param items  Divides the lines (64 bytes) of what a launch reads into a multiple of four
+  /// each.
   ReadPeak(DeviceSession session, const cl::Program& program, PeakKind kind, Order order,
            std::shared_ptr<const Words> words, std::size_t items, int passes)
       : session_(std::move(session)),
@@ -164,10 +177,10 @@ class ReadPeak final : public PeakLoop {
                                      : order == Order::kStreams   ? 8
                                                                   : 16;
     const std::size_t shares = order == Order::kEachAll ? 1 : items;
-    const auto count = static_cast<cl_int>(words_->host.size() / vector_words / shares);
+    const auto count = static_cast<cl_int>(words_->stretch_words() / vector_words / shares);
     cl_uint next = 0;
     kernel_.setArg(next++, sums_);
-    kernel_.setArg(next++, words_->device);
+    kernel_.setArg(next++, words_->stretches.front());
     if (order != Order::kInterleaved) {  // where an item begins
       kernel_.setArg(next++, order == Order::kEachAll ? cl_int{0} : count);
     }
@@ -177,16 +190,18 @@ class ReadPeak final : public PeakLoop {
 
   [[nodiscard]] PeakKind kind() const override { return kind_; }
   [[nodiscard]] std::string variant() const override {
-    return fmt::format("{} of {} kB, {}", order_text(), words_->host.size() / 256,
+    return fmt::format("{} of {} kB, {}", order_text(), words_->host.size_bytes() / 1024,
                        shape_text(items_, session_));
   }
   [[nodiscard]] double work() const override {
-    return 4.0 * static_cast<double>(words_->host.size()) * passes_ * times_read();
+    return static_cast<double>(words_->stretch_bytes) * passes_ * times_read();
   }
 
   void run(int repeats) override {
     translated("running a peak loop", [&] {
       for (int i = 0; i < repeats; ++i) {
+        at_ = (at_ + 1) % words_->stretches.size();
+        kernel_.setArg(1, words_->stretches[at_]);
         session_.queue.enqueueNDRangeKernel(kernel_, {}, {items_}, {session_.local_x});
       }
       session_.queue.finish();
@@ -198,7 +213,8 @@ class ReadPeak final : public PeakLoop {
                                  [&] { return read_back<std::uint32_t>(session_, sums_, items_); });
     std::uint32_t found = 0;
     for (const std::uint32_t sum : sums) found += sum;
-    const std::uint32_t expected = words_->sum(passes_) * static_cast<std::uint32_t>(times_read());
+    const std::uint32_t expected =
+        words_->sum(at_, passes_) * static_cast<std::uint32_t>(times_read());
     if (found == expected) return {.ok = true, .detail = "the sum is exact"};
     return {.ok = false, .detail = fmt::format("the sum is {} instead of {}", found, expected)};
   }
@@ -244,6 +260,7 @@ class ReadPeak final : public PeakLoop {
   std::size_t items_;
   int passes_;
   cl::Buffer sums_;
+  std::size_t at_ = 0;  ///< The stretch that the last launch read.
 };
 
 /// What the loops need to know of a device.
@@ -287,23 +304,25 @@ void add_chains(const DeviceSession& session, const cl::Program& program, const 
 /// too), all read alike.
 void add_reads(const DeviceSession& session, const cl::Program& program, PeakKind kind,
                std::int64_t wished_bytes, const Shape& shape, PeakLoops& all) {
+  // Enough that launching costs nothing, in several passes where one takes microseconds.
+  constexpr std::size_t kBytesALaunch = std::size_t{64} << 20U;
   const auto size_bytes = std::bit_floor(static_cast<std::size_t>(wished_bytes));
-  const auto words = std::make_shared<const Words>(session, size_bytes);
+  // Of a core's memory not more: the stretch that comes next is the one that was read longest ago.
+  const auto stretch = session.is_cpu ? std::min(size_bytes, kBytesALaunch) : size_bytes;
+  const auto words = std::make_shared<const Words>(session, size_bytes, stretch);
   using Order = ReadPeak::Order;
   const auto orders = !session.is_cpu ? std::vector{Order::kInterleaved}
                       : kind == PeakKind::kBandwidthL2
                           ? std::vector{Order::kEachAll}
                           : std::vector{Order::kStretches, Order::kStreams};
-  // Enough passes that launching costs nothing, where a pass takes microseconds.
-  constexpr std::size_t kBytesALaunch = std::size_t{64} << 20U;
-  const std::size_t lines = size_bytes / 64;
+  const std::size_t lines = stretch / 64;
   for (const std::size_t per_unit :
        session.is_cpu ? std::array<std::size_t, 2>{1, 4} : std::array<std::size_t, 2>{8, 32}) {
     const std::size_t items =
         std::min(std::bit_floor(shape.units * session.local_x * per_unit), lines / 4);
     if (items < session.local_x || items % session.local_x != 0) continue;
     for (const Order order : orders) {
-      const std::size_t a_pass = order == Order::kEachAll ? size_bytes * items : size_bytes;
+      const std::size_t a_pass = order == Order::kEachAll ? stretch * items : stretch;
       const auto passes = static_cast<int>(std::max<std::size_t>(kBytesALaunch / a_pass, 1));
       all.loops.push_back(
           std::make_unique<ReadPeak>(session, program, kind, order, words, items, passes));
