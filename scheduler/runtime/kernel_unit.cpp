@@ -281,8 +281,7 @@ bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
   if (remote == nullptr) return true;
   const bool unwanted = stopped || call.unwanted;
   end.excused = unwanted || !remote->is_reachable();
-  const bool withdrawn = unwanted && end.outcome == Outcome::kReturned;
-  if (withdrawn) end.problem.clear();  // It is what was asked for.
+  if (unwanted && end.outcome == Outcome::kReturned) end.problem.clear();  // As was asked for.
   return true;
 }
 

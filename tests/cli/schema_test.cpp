@@ -182,7 +182,7 @@ TEST_F(Schema, OfTheDoctor) {
 TEST_F(Schema, OfTuning) {
   const std::vector<std::string> tune = {"tune",     "--platform", "host-opencl",
                                          "--filter", "blur",       "--max-time",
-                                         "15s",      "--output",   scratch_.file("tuning.json")};
+                                         "2min",     "--output",   scratch_.file("tuning.json")};
   auto dry = tune;
   dry.emplace_back("--dry-run");
   if (pirt(dry).exit_code == 4) GTEST_SKIP() << "skipped: no OpenCL device";
