@@ -16,7 +16,7 @@ class Own : public testing::Test {
  protected:
   [[nodiscard]] Outcome characterize(const std::string& file, const std::string& filter,
                                      const std::string& units = "cpu",
-                                     const std::string& max_time = "20s") const {
+                                     const std::string& max_time = "10s") const {
     return pirt({"characterize", "--workloads", file, "--filter", filter, "--units", units,
                  "--quick", "--max-time", max_time, "--db", database_});
   }
