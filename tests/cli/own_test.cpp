@@ -28,7 +28,7 @@ TEST_F(Own, AModuleThatDoesWhatNoKernelShouldCostsOneCellEach) {
   const auto outcome =
       pirt({"characterize", "--workloads", kHostileModule, "--filter",
             "^bad\\.(good|crash|beyond|far_beyond|throws|prints|ends|thread|wrong)$", "--units",
-            "cpu", "--quick", "--max-time", "60s", "--db", database_});
+            "cpu", "--quick", "--max-time", "40s", "--db", database_});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, Not(HasSubstr("hello")));
   const auto why = [&](const std::string& name, const std::string& text) {

@@ -264,13 +264,16 @@ void add_l2_reads(const CacheSizes& caches, const Cores& team, PeakLoops& all) {
 }
 
 /// Four times the last caches of the whole machine, over all cores of the unit, so that a pass
-/// finds next to nothing of the one before in whatever cache it may lie; no more than an eighth of
-/// the memory.
+/// finds next to nothing of the one before in whatever cache it may lie; beyond 1 GB twice, which
+/// is enough where what was not read for longest makes room, and takes seconds to fill; no more
+/// than an eighth of the memory.
 void add_memory_reads(const Cores& team, PeakLoops& all) {
   constexpr std::int64_t kWithoutCacheSizes = std::int64_t{128} << 20;
+  constexpr std::int64_t kSoon = std::int64_t{1} << 30;
   const auto caches = all_last_cache_bytes();
   const std::int64_t memory = std::int64_t{::sysconf(_SC_PHYS_PAGES)} * ::sysconf(_SC_PAGE_SIZE);
-  const std::int64_t wanted = caches ? 4 * *caches : kWithoutCacheSizes;
+  const std::int64_t wanted =
+      caches ? std::max(2 * *caches, std::min(4 * *caches, kSoon)) : kWithoutCacheSizes;
   const std::int64_t total = std::min(wanted, memory / 8);
   if (caches && total < 2 * *caches) {
     all.unavailable[PeakKind::kBandwidthMemory] =
