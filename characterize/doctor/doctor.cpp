@@ -192,8 +192,8 @@ DiskSpace free_space(const std::filesystem::path& folder) {
   return {folder.string(), static_cast<std::int64_t>(space.available)};
 }
 
-std::vector<Finding> look_before_measuring(DoctorInput input) {
-  input.jitter = measure_jitter(input.cores, std::chrono::seconds(1));
+std::vector<Finding> look_before_measuring(DoctorInput input, Nanos duration) {
+  input.jitter = measure_jitter(input.cores, duration);
   input.after = read_doctor_snapshot(input.cores, input.root);
   return spoiling(diagnose(input));
 }

@@ -95,11 +95,11 @@ struct DoctorInput {
 
 [[nodiscard]] DiskSpace free_space(const std::filesystem::path& folder);
 
-/// What spoils what is about to be measured on input.cores: findings of kSpoils. They compute for a
-/// second meanwhile, as `pirt doctor` has them do. What this process and the children that it has
-/// waited for computed since input.before is no load.
+/// What spoils what is about to be measured on input.cores: findings of kSpoils. They compute for
+/// @p duration meanwhile, as `pirt doctor` has them do. What this process and the children that it
+/// has waited for computed since input.before is no load.
 /// @param input  Without `after` and `jitter`.
-[[nodiscard]] std::vector<Finding> look_before_measuring(DoctorInput input);
+[[nodiscard]] std::vector<Finding> look_before_measuring(DoctorInput input, Nanos duration);
 /// Those of kSpoils.
 [[nodiscard]] std::vector<Finding> spoiling(std::vector<Finding> findings);
 

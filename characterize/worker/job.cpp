@@ -131,6 +131,19 @@ DeviceInfo decode_device(const Json& j) {
   return device;
 }
 
+Json encode(const Probe& probe) {
+  Json devices = Json::array();
+  for (const DeviceInfo& device : probe.devices) devices.push_back(encode(device));
+  return {{"available", probe.available}, {"reason", probe.reason}, {"devices", devices}};
+}
+
+std::optional<Probe> decode_probe(const Json& j) {
+  if (j.is_null()) return std::nullopt;
+  Probe probe{j.at("available"), j.at("reason"), {}};
+  for (const auto& device : j.at("devices")) probe.devices.push_back(decode_device(device));
+  return probe;
+}
+
 Json encode(const PeakFigure& peak) {
   return {{"kind", to_string(peak.kind)},
           {"per_second", peak.per_second ? Json(*peak.per_second) : Json()},
@@ -214,6 +227,7 @@ JobResult decode_result(const Json& j) {
   result.step = j.at("step");
   result.error = j.at("error");
   if (!j.at("device").is_null()) result.device = decode_device(j.at("device"));
+  result.found = decode_probe(j.value("found", Json()));
   result.provenance = decode_word(j.at("provenance"), provenance_from_string);
   // Records of interrupted runs of before have none of these.
   result.accounts = decode_accounts(j.value("accounts", Json::array()));
@@ -343,7 +357,7 @@ Job job_from_json(const std::string& text) {
     }
     Job job;
     const int kind = j.at("kind");
-    if (kind < 0 || kind > static_cast<int>(JobKind::kDescribe)) {
+    if (kind < 0 || kind > static_cast<int>(JobKind::kDevices)) {
       throw_bad_input(fmt::format("unknown kind of job {}", kind));
     }
     job.kind = static_cast<JobKind>(kind);
@@ -388,6 +402,7 @@ std::string to_record(const JobResult& r) {
                   {"step", r.step},
                   {"error", r.error},
                   {"device", r.device ? encode(*r.device) : Json()},
+                  {"found", r.found ? encode(*r.found) : Json()},
                   {"provenance", to_string(r.provenance)},
                   {"accounts", encode(r.accounts)},
                   {"own_clock", r.own_clock},

@@ -29,13 +29,14 @@ enum class JobKind : std::uint8_t {
   kMeter,      ///< The same, with energy meters around the calls in place of the clock.
   kPeaks,      ///< Measure the unit's limits.
   kDescribe,   ///< What workloads has the file `own`?
+  kDevices,    ///< Is the backend there, and which devices has it?
 };
 
 struct Job {
   JobKind kind = JobKind::kProbe;
   std::string backend;
   UnitRequest unit;
-  std::string workload;  ///< Not for kProbe, kPeaks and kDescribe.
+  std::string workload;  ///< Not for kProbe, kPeaks, kDescribe and kDevices.
   /// The file of somebody else's that has it (workloads/own/own.h), which is loaded before anything
   /// else is done; empty = it is pirt's.
   std::string own;
@@ -93,7 +94,8 @@ struct JobResult {
   std::vector<ConditionSamples> conditions;
   std::optional<MeteredCalls> metered;
   std::vector<PeakFigure> peaks;
-  std::string definitions;  ///< Of kDescribe: a list of own::to_json.
+  std::string definitions;     ///< Of kDescribe: a list of own::to_json.
+  std::optional<Probe> found;  ///< Of kDevices.
 
   /// Of a phase other than the call.
   [[nodiscard]] Accounting accounting(Phase phase) const;

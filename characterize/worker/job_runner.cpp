@@ -107,6 +107,15 @@ void learn_workloads(const JobRunner& runner, const std::filesystem::path& file)
   make_known(std::move(workloads));
 }
 
+Probe probe_backend(const JobRunner& runner, const Backend& backend) {
+  Job job;
+  job.kind = JobKind::kDevices;
+  job.backend = backend.name();
+  const auto result = runner.run(job);
+  if (!result) throw_environment("interrupted while probing backend " + job.backend);
+  return result->found.value_or(Probe{false, result->error, {}});
+}
+
 JobResult probe_unit(const JobRunner& runner, const Platform& platform, const UnitModel& unit,
                      const std::vector<std::pair<std::string, std::string>>& environment) {
   Job job;

@@ -51,6 +51,11 @@ class JobRunner {
 /// @throws Error{kBadInput} with what that process says of the file; as probe_unit.
 void learn_workloads(const JobRunner& runner, const std::filesystem::path& file);
 
+/// Which devices the backend has, asked in a process of its own: a driver that ends whoever asks,
+/// or never answers, is the reason why it is not available.
+/// @throws Error{kEnvironment} as probe_unit.
+[[nodiscard]] Probe probe_backend(const JobRunner& runner, const Backend& backend);
+
 /// Opens the unit's device, in a process of its own: which it is, or the error.
 /// @throws Error{kEnvironment} if stopped, or as JobRunner::run.
 [[nodiscard]] JobResult probe_unit(

@@ -117,6 +117,10 @@ class Worker {
       case JobKind::kProbe:
         probe();
         break;
+      case JobKind::kDevices:
+        begin("probing the backend");
+        result_.found = backend_.probe();
+        break;
       case JobKind::kReference:
         reference();
         break;

@@ -51,6 +51,18 @@ TEST_F(StandInGpu, IsAGpuToPirt) {
   EXPECT_THAT(backends.out, HasSubstr("Stand-in GPU")) << backends.err;
 }
 
+// As PoCL does where it finds no /sys.
+TEST_F(StandInGpu, ADriverThatEndsWhoeverAsksIsNotThere) {
+  const auto listed = with_gpu({"list", "backends"}, "dies=1");
+  EXPECT_EQ(listed.exit_code, 0);
+  EXPECT_THAT(listed.out, AllOf(HasSubstr("crashed (SIGABRT)"), HasSubstr("cpu")));
+  EXPECT_EQ(
+      with_gpu({"list", "units", "--platform", scratch_.file("board.yaml")}, "dies=1").exit_code,
+      0);
+  const auto doctor = with_gpu({"doctor", "--platform", "host-cpu", "--seconds", "0.1"}, "dies=1");
+  EXPECT_THAT(doctor.exit_code, testing::AnyOf(0, 1)) << doctor.err;
+}
+
 TEST_F(StandInGpu, ALostContextIsOpenedAgainAndNoTaskIsLost) {
   const auto outcome = live("lose=8");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;

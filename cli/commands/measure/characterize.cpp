@@ -318,7 +318,9 @@ void warn_of_what_spoils(const CampaignPlan& plan, const CampaignOptions& campai
   const auto folder = std::filesystem::absolute(campaign.database).parent_path();
   for (const auto& each : {scratch_base(), folder}) input.disks.push_back(free_space(each));
   input.readable = [](const std::filesystem::path&) { return true; };  // Meters are chosen.
-  for (const Finding& each : look_before_measuring(std::move(input))) {
+  constexpr int kPart = 10;  // Of the time, which is for what is measured.
+  const Nanos duration = std::min<Nanos>(std::chrono::seconds(1), plan.max_time / kPart);
+  for (const Finding& each : look_before_measuring(std::move(input), duration)) {
     warn(fmt::format("{}: {}, and rows that this disturbs will be uncertain; {}", each.found,
                      each.why, each.remedy));
   }

@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "characterize/machine/inherited.h"
+#include "characterize/worker/job_runner.h"
 #include "characterize/worker/scratch.h"
 #include "cli/commands.h"
 #include "cli/options/files.h"
@@ -60,9 +61,9 @@ DoctorInput this_machine(const DoctorFlags& options) {
   // Steal is counted of cores that want to compute only: so they do.
   input.jitter = measure_jitter(input.cores, Nanos(std::llround(options.seconds * 1e9)));
   input.after = read_doctor_snapshot(input.cores);
-  // Last, since drivers start threads of their own; that of a board may open it besides.
-  input.nvml = read_nvml();
-  input.devices = find_backend("opencl").probe().devices;
+  const JobRunner runner("/proc/self/exe", std::chrono::seconds(60), nullptr);
+  input.devices = probe_backend(runner, find_backend("opencl")).devices;
+  input.nvml = read_nvml();  // Last, since a board's driver may open it, with threads of its own.
   return input;
 }
 

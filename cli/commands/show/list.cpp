@@ -2,10 +2,12 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <map>
 #include <memory>
 
 #include "characterize/energy/meter.h"
 #include "characterize/platform/platform.h"
+#include "characterize/worker/job_runner.h"
 #include "cli/commands.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
@@ -164,11 +166,15 @@ std::vector<Unsupported> unsupported(const Backend& backend) {
 }
 
 /// One that cannot even be asked is not there; the others are listed all the same.
-Probe probe_of(const Backend& backend) {
+const Probe& probe_of(const Backend& backend) {
+  static std::map<std::string_view, Probe> known;
+  const auto [at, is_new] = known.try_emplace(backend.name());
+  if (!is_new) return at->second;
   try {
-    return backend.probe();
+    const JobRunner runner("/proc/self/exe", std::chrono::seconds(60), nullptr);
+    return at->second = probe_backend(runner, backend);
   } catch (const Error& error) {
-    return {.available = false, .reason = error.what(), .devices = {}};
+    return at->second = {.available = false, .reason = error.what(), .devices = {}};
   }
 }
 
@@ -181,7 +187,7 @@ Listing list_backends() {
                           {"description", Align::kLeft}}};
   Json rows = Json::array();
   for (const auto& backend : backends()) {
-    const auto probe = probe_of(*backend);
+    const Probe& probe = probe_of(*backend);
     const auto missing = unsupported(*backend);
     std::vector<std::string> phases;
     for (const Phase phase : backend->phases()) phases.emplace_back(to_string(phase));
@@ -248,7 +254,7 @@ std::string core_list(const std::vector<int>& cores) {
 std::string unit_status(UnitModel& unit, bool& available) {
   available = true;
   if (!unit.measured()) return "modelled by the platform file";
-  const auto probe = probe_of(find_backend(unit.backend));
+  const Probe& probe = probe_of(find_backend(unit.backend));
   available = probe.available;
   if (!probe.available) return "unavailable: " + probe.reason;
   if (probe.devices.empty()) return std::string(find_backend(unit.backend).description());

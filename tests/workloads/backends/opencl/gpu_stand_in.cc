@@ -4,6 +4,7 @@
 //   memory_mb=N  what it has, 1024 otherwise.
 //   taken_mb=N   what others have of that. As NVIDIA's driver does it, a buffer that is too much is
 //                made, and the first command fails.
+//   dies=1       who asks what a device is ends there.
 //   lose=N       the Nth kernel that is put into a queue ends the context: nothing in it succeeds
 //   any more. reopens=no   and no context can be made after that; otherwise once all of the lost
 //   one is released, as
@@ -164,6 +165,7 @@ cl_command_queue CL_API_CALL create_queue(cl_context context, cl_device_id devic
 
 cl_int CL_API_CALL device_info(cl_device_id device, cl_device_info what, size_t size, void* value,
                                size_t* needed) {
+  if (option("dies=", 0) != 0) std::abort();
   const auto answer = [&](const void* data, size_t bytes) -> cl_int {
     if (needed != nullptr) *needed = bytes;
     if (value == nullptr) return CL_SUCCESS;
