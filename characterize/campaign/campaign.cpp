@@ -146,7 +146,7 @@ class Campaign {
 
   void end() {
     summary_.elapsed = elapsed();
-    Environment at_end = {{std::string(kSpent), fmt::format("{:.3f}", to_s(summary_.elapsed))}};
+    Environment at_end = {{std::string(kSpent), fmt::format("{:.6f}", to_s(summary_.elapsed))}};
     if (!summary_.interrupted) {
       at_end.merge(end_environment(counters_, read_host_counters({})));
       at_end.merge(awake_facts(plan_, awake_w_));

@@ -112,7 +112,7 @@ struct CampaignPlan {
   std::vector<PlannedUnitTime> unit_times;
   Nanos max_time{0};        ///< From then on no process begins, and no time of a unit.
   Nanos precision_time{0};  ///< No process is started for precision alone after that.
-  Nanos spent{0};           ///< Of max_time, by an unfinished run and by planning.
+  Nanos spent{0};           ///< Of max_time, by an unfinished run.
   Estimate estimate;
 };
 

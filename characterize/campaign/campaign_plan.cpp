@@ -135,8 +135,6 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   }
   if (options.images) static_cast<void>(images_from(*options.images, options.images_topic));
 
-  const MachineClock clock;
-  const Nanos begin = clock.now();
   CampaignPlan plan;
   const JobRunner runner(options.program, options.job_limit, options.stop);
   for (const UnitModel* unit : units) {
@@ -168,7 +166,6 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   plan_unit_times(options, plan);
   if (options.resumed) plan.spent = options.resumed->spent;
   plan_time(options, plan);
-  plan.spent += clock.now() - begin;
   return plan;
 }
 

@@ -39,7 +39,7 @@ std::vector<std::string> small_and(const std::vector<std::string>& more) {
 }
 
 TEST_F(TimeLimit, SaysWhatItDidNotSufficeForAndHowToGoOn) {
-  const auto none = characterize(small_and({"--max-time", "1ms"}));
+  const auto none = characterize(small_and({"--max-time", "1ns"}));
   EXPECT_EQ(none.exit_code, 4);
   EXPECT_THAT(none.err,
               AllOf(HasSubstr("6 cells have no figure"), HasSubstr("pool5 (cpu, gpu, dsp)"),

@@ -268,7 +268,7 @@ void ProfileWriter::write_visit(std::int64_t run_id, const CellName& cell,
   bind_cell(insert, run_id, cell).bind(visit.position).bind(to_string(visit.setup));
   insert.bind(visit.record).bind(visit_checksum(run_id, cell, visit)).run();
   insert_facts(connection, run_id,
-               {{std::string(kSpent), fmt::format("{:.3f}", to_s(visit.spent))}});
+               {{std::string(kSpent), fmt::format("{:.6f}", to_s(visit.spent))}});
   update_run_checksum(connection, run_id);
   transaction.commit();
 }

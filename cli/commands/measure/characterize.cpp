@@ -492,10 +492,7 @@ int characterize(const CharacterizeFlags& options) {
   }
   warn_of_skipped(plan, "measured", "--dry-run");
   for (const auto& remark : plan.remarks) warn(remark);
-  const MachineClock clock;
-  const Nanos looked = clock.now();
   warn_of_what_spoils(plan, campaign, before);
-  plan.spent += clock.now() - looked;
   const auto summary = measure(campaign, plan, options);
   const bool has_rows = campaign.resumed && !campaign.resumed->done.empty();
   if (summary.cells + summary.cells_begun == 0 && !has_rows) {
