@@ -91,7 +91,7 @@ class Campaign {
         sink_(sink),
         writer_(options.database, waiting(options, sink)),
         runner_(options.program, options.job_limit, options.stop,
-                [this] { return elapsed() >= end_of_part(); }) {}
+                [this] { return !is_first_visit_ && elapsed() >= end_of_part(); }) {}
 
   CampaignSummary run() {
     begin();
@@ -325,6 +325,7 @@ class Campaign {
     if (over()) return false;
     const auto next = cell.measurement->next();
     if (!next->needed && precision_is_over()) return true;
+    is_first_visit_ = summary_.processes == 0;
     const auto failure = reference(cell.request);
     if (!failure) return false;
     if (!failure->empty()) {
@@ -333,6 +334,7 @@ class Campaign {
     }
     const Nanos begin = clock_.now();
     auto result = cell.measurement->visit();
+    is_first_visit_ = false;
     if (!result) return false;
     cell.last_visit = clock_.now() - begin;
     writer_.write_visit(
@@ -377,9 +379,10 @@ class Campaign {
     summary_.interrupted = summary_.interrupted || stopped();
     for (Cell& cell : cells_) {
       if (cell.stored) continue;
+      const bool once = cell.measurement->believe_first_failure();
       const bool any = cell.measurement->processes() > 0;
-      const bool done = cell.measurement->needed_visits() == 0 ||
-                        (!summary_.interrupted && cell.measurement->has_set_ups());
+      const bool done = !once && (cell.measurement->needed_visits() == 0 ||
+                                  (!summary_.interrupted && cell.measurement->has_set_ups()));
       if (any && done && !cell.measurement->metering_due()) {
         store(cell);
       } else if (any) {
@@ -523,6 +526,9 @@ class Campaign {
   MachineClock clock_;
   Nanos start_ = clock_.now() - plan_.spent;
   bool measures_cells_ = true;  ///< Otherwise what comes behind them.
+  /// Its process begins also where its reference took the time that was left: without one there is
+  /// no answer.
+  bool is_first_visit_ = false;
   HostCounters counters_ = read_host_counters({});
   JobRunner runner_;  // asks those before it whether the time is over
   std::vector<Cell> cells_;

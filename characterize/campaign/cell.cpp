@@ -7,6 +7,7 @@
 #include <cassert>
 #include <cmath>
 #include <map>
+#include <utility>
 
 #include "characterize/energy/model.h"
 #include "characterize/statistics/rank_tests.h"
@@ -89,9 +90,18 @@ std::optional<JobResult> CellMeasurement::run(JobKind kind) {
 }
 
 void CellMeasurement::add(State setup, JobResult result) {
-  if (!result.error.empty() && ++failures_ == 1) return;
+  if (!result.error.empty() && ++failures_ == 1) {
+    first_failure_ = {setup, std::move(result)};
+    return;
+  }
   taken_.push_back({setup, std::move(result)});
   if (!failed() && processes() >= setups()) judge_samples();
+}
+
+bool CellMeasurement::believe_first_failure() {
+  if (!taken_.empty() || !first_failure_) return false;
+  taken_.push_back(*std::exchange(first_failure_, std::nullopt));
+  return true;
 }
 
 void CellMeasurement::judge_samples() {

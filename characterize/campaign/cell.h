@@ -82,6 +82,9 @@ class CellMeasurement {
   [[nodiscard]] int needed_visits() const;
   /// Those of expected_visits() for the precision; nothing if a cell does not get as many.
   [[nodiscard]] std::optional<int> visits_to_precision() const;
+  /// At the end of a run: where the only process failed, and there was no time to try once more,
+  /// its failure is what rows say. @return Whether that is so.
+  bool believe_first_failure();
   [[nodiscard]] int processes() const { return static_cast<int>(taken_.size()); }
   /// Results taken in: the processes, and one that failed and was tried again.
   [[nodiscard]] int visits() const { return processes() + (failures_ > 0 ? 1 : 0); }
@@ -142,6 +145,7 @@ class CellMeasurement {
   std::string step_;  ///< The latest.
   std::vector<std::pair<std::string, std::string>> environment_;
   std::vector<Taken> taken_;  ///< In order of time; without the first that failed.
+  std::optional<Taken> first_failure_;
   int failures_ = 0;
   std::optional<std::size_t> again_at_;  ///< How many had been taken when it turned out.
   std::string_view again_why_;           ///< "unstable".

@@ -19,6 +19,7 @@
 #include <cfloat>
 #include <clocale>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <streambuf>
 #include <string_view>
@@ -117,6 +118,7 @@ class Settling {
     }
     settle_files();
     settle_limits();
+    settle_path();
     settle_arithmetic();
     return std::move(said_);
   }
@@ -187,6 +189,16 @@ class Settling {
         fmt::format("umask {:04o} keeps files from their own owner; they are made as "
                     "with {:04o}",
                     start_.mask, start_.mask & ~static_cast<mode_t>(S_IRWXU)));
+  }
+
+  /// Without one, drivers do not find the linker that they call.
+  void settle_path() {
+    if (std::getenv("PATH") != nullptr) return;
+    std::array<char, 256> usual{};
+    const std::size_t size = ::confstr(_CS_PATH, usual.data(), usual.size());
+    if (size == 0 || size > usual.size()) return;
+    ::setenv("PATH", usual.data(), 1);
+    said_.push_back(fmt::format("PATH is not set; {} is taken", usual.data()));
   }
 
   void settle_limits() {

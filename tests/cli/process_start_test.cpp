@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include "tests/cli/program.h"
+#include "tests/support/optional_backend.h"
 
 namespace pirt::test {
 namespace {
@@ -96,6 +97,15 @@ TEST(LaunchersHabits, DoNoHarm) {
   }
   EXPECT_THAT(measure("env --ignore-signal=CHLD").err,
               HasSubstr("SIGCHLD were ignored by who started"));
+}
+
+TEST(LaunchersHabits, WithoutPathDriversFindTheirTools) {
+  PIRT_BACKEND_OR_SKIP("opencl");
+  const Scratch scratch;
+  const auto outcome = run("env -i HOME=" + quoted(scratch.file("")) + " " + quoted(kProgram) +
+                           " sample --workload sobel --unit opencl --platform host --work 1ms");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("PATH is not set"));
 }
 
 TEST(LaunchersHabits, BlockedSignalsAreHeard) {

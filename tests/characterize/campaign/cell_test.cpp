@@ -350,5 +350,23 @@ TEST_F(Cell, AFailureOfOneProcessIsTriedAgainAndNoted) {
   EXPECT_EQ(row(Phase::kCall).samples.size(), 20U);
 }
 
+TEST_F(Cell, AFailureThatThereWasNoTimeToTryAgainIsSaid) {
+  EXPECT_FALSE(cell.believe_first_failure());
+  JobResult crashed;
+  crashed.error = "worker crashed (SIGSEGV) while sampling";
+  cell.add(State::kCold, crashed);
+  EXPECT_TRUE(cell.believe_first_failure());
+  EXPECT_FALSE(cell.believe_first_failure());
+  EXPECT_THAT(row(Phase::kCall).reasons, Contains("error: " + crashed.error));
+}
+
+TEST_F(Cell, AFailureBesideProcessesThatDidNotFailIsNone) {
+  JobResult crashed;
+  crashed.error = "worker crashed (SIGSEGV) while sampling";
+  cell.add(State::kCold, crashed);
+  add({10, 10, 10, 10});
+  EXPECT_FALSE(cell.believe_first_failure());
+}
+
 }  // namespace
 }  // namespace pirt
