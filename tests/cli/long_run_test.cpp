@@ -141,10 +141,13 @@ TEST_F(LongRun, ShowsItsOwnRunBesideANewerOne) {
 }
 
 TEST_F(LongRun, IsNotGoneOnWithWhileItIsBeingMeasured) {
-  const auto outcome = run("(" + command() + ") >/dev/null & while [ ! -e " + quoted(database()) +
-                           " ]; do sleep 0.01; done; sleep 0.2; " + quoted(kProgram) +
-                           " characterize --resume --db " + quoted(database()) +
-                           "; code=$?; wait $!; echo $? $code");
+  // Until the run is begun there is none that could be gone on with.
+  const auto said = quoted(scratch_.file("said"));
+  const auto outcome =
+      run("(" + command() + ") >/dev/null & while [ ! -e " + quoted(database()) +
+          " ]; do sleep 0.01; done; while " + quoted(kProgram) + " characterize --resume --db " +
+          quoted(database()) + " 2>" + said + "; code=$?; grep -q 'no unfinished run' " + said +
+          " && kill -0 $!; do sleep 0.05; done; cat " + said + " >&2; wait $!; echo $? $code");
   EXPECT_EQ(outcome.out, "0 4\n");
   EXPECT_THAT(outcome.err, HasSubstr("run 1 of profile database"));
   EXPECT_THAT(outcome.err, HasSubstr("is being measured by another program"));

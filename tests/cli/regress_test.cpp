@@ -5,6 +5,7 @@ namespace pirt::test {
 namespace {
 
 using testing::AllOf;
+using testing::ContainsRegex;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -174,7 +175,7 @@ TEST_F(RegressCases, LetNoRegressionThroughAndNoEqualOnesFail) {
   measure("all9", 1.09, kFactors);
   const auto all9 = regress("base", "all9");
   EXPECT_EQ(all9.exit_code, 3);
-  EXPECT_THAT(all9.out, AllOf(HasSubstr("all rows moved together, by 9.0 % or more"),
+  EXPECT_THAT(all9.out, AllOf(ContainsRegex("all rows moved together, by (8.9|9.[01]) % or more"),
                               HasSubstr("Taken off as the machine's")));
 
   std::string samples;
