@@ -1,12 +1,12 @@
 #include "characterize/doctor/jitter.h"
 
 #include <fmt/core.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cassert>
 
+#include "characterize/machine/system_files.h"
 #include "characterize/statistics/statistics.h"
 #include "workloads/backends/cpu/core_team.h"
 #include "workloads/backends/cpu/peak_loops.h"
@@ -71,9 +71,8 @@ std::vector<Nanos> time_reading(Nanos duration) {
   constexpr std::size_t kWords = kStep / sizeof(std::uint32_t);
   constexpr std::int64_t kWithoutCacheSizes = std::int64_t{64} << 20;
   const auto last = read_cache_sizes().last_bytes;
-  const std::int64_t most = std::int64_t{::sysconf(_SC_PHYS_PAGES)} * ::sysconf(_SC_PAGE_SIZE) / 8;
-  const auto bytes =
-      static_cast<std::size_t>(std::min(last ? 2 * *last : kWithoutCacheSizes, most));
+  const auto bytes = static_cast<std::size_t>(
+      std::min(last ? 2 * *last : kWithoutCacheSizes, most_memory_bytes() / 8));
   const LargeMemory memory(std::max(bytes, kStep));
   auto* const words = memory.as<std::uint32_t>();
   const MachineClock clock;

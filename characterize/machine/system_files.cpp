@@ -181,4 +181,9 @@ std::optional<std::int64_t> memory_limit_bytes(const std::filesystem::path& root
   return least;
 }
 
+std::int64_t most_memory_bytes() {
+  const std::int64_t all = std::int64_t{::sysconf(_SC_PHYS_PAGES)} * ::sysconf(_SC_PAGE_SIZE);
+  return std::min(all, memory_limit_bytes().value_or(all));
+}
+
 }  // namespace pirt

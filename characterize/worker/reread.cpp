@@ -4,6 +4,7 @@
 #include <cstring>
 #include <thread>
 
+#include "characterize/machine/system_files.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/system/caches.h"
@@ -30,7 +31,8 @@ std::int64_t last_of(const std::vector<int>& cores) {
 }  // namespace
 
 bool Reread::possible(const std::vector<int>& cores) {
-  return reached_cache_bytes(cores).has_value();
+  const auto bytes = reached_cache_bytes(cores);
+  return bytes && *bytes <= most_memory_bytes() / 8;
 }
 
 std::span<const SleepPlan> Reread::plans() { return kPlans; }

@@ -17,7 +17,7 @@ namespace pirt {
 /// whether the unit sleeps or not.
 class Reread {
  public:
-  /// Whether the machine says how much its caches hold.
+  /// Whether the machine says how much its caches hold, and there is memory enough for as much.
   [[nodiscard]] static bool possible(const std::vector<int>& cores);
   /// 0 to 100 ms: 2.3 s in all.
   [[nodiscard]] static std::span<const SleepPlan> plans();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <set>
 #include <string_view>
@@ -344,6 +345,18 @@ std::string cells_text(const std::vector<CellName>& cells) {
   return join(texts, ", ");
 }
 
+/// Why no row of the profile has a figure.
+std::string nothing_text(const Profile& profile) {
+  std::map<std::string, std::vector<CellName>> by_reason;
+  for (const PhaseRow& row : profile.phases) {
+    if (row.phase != Phase::kCall) continue;
+    by_reason[join(row.reasons, ", ")].push_back({row.workload, row.unit});
+  }
+  std::vector<std::string> texts;
+  for (const auto& [reason, cells] : by_reason) texts.push_back(cells_text(cells) + ": " + reason);
+  return "nothing was measured: " + join(texts, "; ");
+}
+
 /// What the time did not suffice for, and what to do; "" if it did.
 std::string out_of_time_text(const CampaignSummary& summary, const CampaignPlan& plan,
                              const CharacterizeFlags& options) {
@@ -532,7 +545,7 @@ int characterize(const CharacterizeFlags& options) {
                                   summary.cells, summary.cells_begun, resume_hint(options)));
   }
   if (std::ranges::none_of(profile.phases, is_used<PhaseRow>)) {
-    throw_environment("nothing was measured; see the remarks for the reasons");
+    throw_environment(nothing_text(profile));
   }
   if (options.strict && std::ranges::none_of(profile.phases, is_valid<PhaseRow>)) {
     warn("no row is free of doubt, which --strict asks for");
