@@ -329,6 +329,7 @@ class Campaign {
     const auto failure = reference(cell.request);
     if (!failure) return false;
     if (!failure->empty()) {
+      is_first_visit_ = false;
       finish(cell, failed_cell(cell.request, *failure));
       return true;
     }

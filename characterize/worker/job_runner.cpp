@@ -107,13 +107,12 @@ void learn_workloads(const JobRunner& runner, const std::filesystem::path& file)
   make_known(std::move(workloads));
 }
 
-Probe probe_backend(const JobRunner& runner, const Backend& backend) {
+Probe probe_backend(const std::filesystem::path& program, const Backend& backend) {
   Job job;
   job.kind = JobKind::kDevices;
   job.backend = backend.name();
-  const auto result = runner.run(job);
-  if (!result) throw_environment("interrupted while probing backend " + job.backend);
-  return result->found.value_or(Probe{false, result->error, {}});
+  const auto result = JobRunner(program, std::chrono::seconds(60), nullptr).run(job);
+  return result->found.value_or(Probe{false, result->error, {}});  // Nothing stops it.
 }
 
 JobResult probe_unit(const JobRunner& runner, const Platform& platform, const UnitModel& unit,

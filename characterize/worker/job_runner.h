@@ -53,8 +53,9 @@ void learn_workloads(const JobRunner& runner, const std::filesystem::path& file)
 
 /// Which devices the backend has, asked in a process of its own: a driver that ends whoever asks,
 /// or never answers, is the reason why it is not available.
-/// @throws Error{kEnvironment} as probe_unit.
-[[nodiscard]] Probe probe_backend(const JobRunner& runner, const Backend& backend);
+/// @param program  As JobRunner's.
+/// @throws Error{kEnvironment} if no process can be started.
+[[nodiscard]] Probe probe_backend(const std::filesystem::path& program, const Backend& backend);
 
 /// Opens the unit's device, in a process of its own: which it is, or the error.
 /// @throws Error{kEnvironment} if stopped, or as JobRunner::run.

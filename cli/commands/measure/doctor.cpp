@@ -61,8 +61,7 @@ DoctorInput this_machine(const DoctorFlags& options) {
   // Steal is counted of cores that want to compute only: so they do.
   input.jitter = measure_jitter(input.cores, Nanos(std::llround(options.seconds * 1e9)));
   input.after = read_doctor_snapshot(input.cores);
-  const JobRunner runner("/proc/self/exe", std::chrono::seconds(60), nullptr);
-  input.devices = probe_backend(runner, find_backend("opencl")).devices;
+  input.devices = probe_backend("/proc/self/exe", find_backend("opencl")).devices;
   input.nvml = read_nvml();  // Last, since a board's driver may open it, with threads of its own.
   return input;
 }

@@ -171,8 +171,7 @@ const Probe& probe_of(const Backend& backend) {
   const auto [at, is_new] = known.try_emplace(backend.name());
   if (!is_new) return at->second;
   try {
-    const JobRunner runner("/proc/self/exe", std::chrono::seconds(60), nullptr);
-    return at->second = probe_backend(runner, backend);
+    return at->second = probe_backend("/proc/self/exe", backend);
   } catch (const Error& error) {
     return at->second = {.available = false, .reason = error.what(), .devices = {}};
   }
