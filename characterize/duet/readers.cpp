@@ -12,6 +12,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
+#include "workloads/model/phase.h"
 
 namespace pirt {
 namespace {
@@ -59,6 +60,12 @@ class Figures {
 std::vector<std::string> no_arguments(const std::vector<std::string>&) { return {}; }
 
 Sample read_pirt(const ProcessResult& process) { return sample_from_json(process.output); }
+
+Sample read_workload(const ProcessResult& process) {
+  Sample sample = read_pirt(process);
+  sample.seconds.erase(std::string(to_string(Phase::kDeviceInit)));
+  return sample;
+}
 
 Sample read_time(const ProcessResult& process) {
   Figures figures;
@@ -178,10 +185,14 @@ constexpr std::array<OutputReader, 4> kReaders = {
      {"gbench", "JSON of Google Benchmark", read_gbench, gbench_arguments},
      {"lines", "lines NAME VALUE UNIT [lower|higher]", read_lines, no_arguments},
      {"pirt", "what pirt sample answers", read_pirt, no_arguments}}};
+constexpr OutputReader kWorkloadReader = {"workload", "what pirt sample answers of a workload",
+                                          read_workload, no_arguments};
 
 }  // namespace
 
 std::span<const OutputReader> output_readers() { return kReaders; }
+
+const OutputReader& workload_reader() { return kWorkloadReader; }
 
 const OutputReader& find_reader(const std::string& name) {
   std::vector<std::string> names;

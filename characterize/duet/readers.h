@@ -31,6 +31,8 @@ struct OutputReader {
 /// direction last (default lower); the median of a name that comes again. Empty lines and those
 /// that begin with # are left out, any other is an error.
 [[nodiscard]] std::span<const OutputReader> output_readers();
+/// As `pirt`, of two workloads on one unit: opening the unit is neither one's.
+[[nodiscard]] const OutputReader& workload_reader();
 /// @throws Error{kBadInput} with the nearest names.
 [[nodiscard]] const OutputReader& find_reader(const std::string& name);
 

@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "characterize/profile/profile.h"
@@ -49,8 +50,11 @@ struct PhaseRecord {
 
 /// The process of each sample, as PhaseRecord::processes says.
 [[nodiscard]] std::vector<std::int32_t> processes_of(const PhaseRecord& record);
+/// A note of rows that nobody measured on this machine.
+inline constexpr std::string_view kMeasuredElsewhere = "measured elsewhere";
 /// Of a record with samples. What repeats exactly has an interval without width; what others took
-/// of its cores may be in all of its samples, so that its interval begins below them.
+/// of its cores may be in all of its samples, so that its interval begins below them; samples of
+/// too few processes to say how these differ (few_samples) have a wide one.
 [[nodiscard]] Statistics statistics_of(const PhaseRecord& record);
 
 /// The defaults are those of model_energy, whose watts are above idle.

@@ -90,7 +90,7 @@ CellRecord cell_of(const PublishedBoard& board, const PublishedFigure& figure,
       call.processes.push_back(static_cast<std::int32_t>(i));
     }
   } else {
-    call.notes.insert(call.notes.begin(), "measured elsewhere");
+    call.notes.insert(call.notes.begin(), std::string(kMeasuredElsewhere));
   }
   cell.phases.push_back(std::move(call));
   if (figure.energy_j) {

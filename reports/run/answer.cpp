@@ -159,17 +159,16 @@ ModeAnswer answer_of(const ModeRuns& modes) {
   if (kept.empty()) {
     best = best_by(all, "real_time_losses");
     answer.modes = modes_of(best);
+    const auto lost = real_time_losses(*best.front());
+    const std::string firings = fmt::format("{} real-time firing{}", lost, lost == 1 ? "" : "s");
     if (all.size() == 1) {
       answer.sentence =
-          fmt::format("{} does not keep up: {} real-time firings are late or dropped.",
-                      best.front()->mode, real_time_losses(*best.front()));
+          fmt::format("{} does not keep up: {} late or dropped.", best.front()->mode, firings);
       return answer;
     }
     answer.sentence = fmt::format(
-        "No mode keeps up. Take {}: with {} real-time firings late or dropped, it loses the "
-        "fewest{}.",
-        any_of(answer.modes), real_time_losses(*best.front()),
-        best.size() > 1 ? "; these cannot be told apart" : "");
+        "No mode keeps up. Take {}: with {} late or dropped, it loses the fewest{}.",
+        any_of(answer.modes), firings, best.size() > 1 ? "; these cannot be told apart" : "");
     return answer;
   }
   const bool by_energy = std::ranges::all_of(kept, known);

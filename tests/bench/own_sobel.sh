@@ -10,8 +10,8 @@ trap 'rm -rf "$folder"' EXIT
 printf 'platform: one_core\nunits: {cpu: {backend: cpu, cores: [0], active_w: 1}}\n' >"$folder/one_core.yaml"
 same=0
 for seed in $(seq "$1"); do
-  pair=fast.sobel=sobel
-  if [ $((seed % 2)) -eq 0 ]; then pair=sobel=fast.sobel; fi
+  pair=fast.sobel=sobel@640x480
+  if [ $((seed % 2)) -eq 0 ]; then pair=sobel@640x480=fast.sobel; fi
   "$build/pirt" regress --as $pair --workloads "$build/tests/fast.so" --platform "$folder/one_core.yaml" --units cpu \
     --seed "$seed" --ledger "$folder/$seed" >"$folder/out" 2>&1
   code=$?

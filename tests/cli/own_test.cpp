@@ -242,6 +242,9 @@ TEST_F(Own, IsHeldAgainstAnother) {
   EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
   EXPECT_THAT(outcome.out,
               AllOf(HasSubstr("--workload bad.good"), HasSubstr("--workload bad.prints")));
+  EXPECT_THAT(outcome.err, Not(HasSubstr("do not have the same to do")));
+  EXPECT_THAT(regress("bad.good=sobel", {"--units", "cpu"}).err,
+              HasSubstr("bad.good and sobel do not have the same to do: "));
   expect_refused(regress("bad.good", {"--units", "cpu"}), {"CANDIDATE=BASELINE"});
   expect_refused(regress("bad.god=bad.prints", {"--units", "cpu"}), {"did you mean bad.good"});
   expect_refused(regress("bad.good=sobl", {"--units", "cpu"}), {"did you mean sobel"});

@@ -117,7 +117,7 @@ TEST(ModeAnswer, ChoosesNoneOfOne) {
   RunRecord late = run("edf", 3, 50);
   late.pipelines[0].deadline_misses = 4;
   EXPECT_EQ(answer_of({.runs = {late}}).sentence,
-            "edf does not keep up: 4 real-time firings are late or dropped.");
+            "edf does not keep up: 4 real-time firings late or dropped.");
 }
 
 TEST(ModeAnswer, SaysWhatIsUncertain) {

@@ -41,7 +41,8 @@
 --            deterministic (the figure repeats exactly: one sample is all there is, its interval has no width)
 --            live (calls of a live run, `pirt schedule --update-profile`: one process, other calls between them)
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %
--- interval over processes (characterize/statistics/statistics.h), NULL with 2 (of a row with `taken` what these span); of a single process, that of its samples, NULL below 6.
+-- interval over processes (characterize/statistics/statistics.h). Of fewer than 3 processes (`few_samples`): what these span, or the interval
+-- of a single one's samples, a factor of 1.5 wider either way.
 -- cpu_ns is the processor time of a call on the host's cores, where that was told beside its time, median as that; `taken` the share of the
 -- time of a row with `contended` that others had its cores: its interval reaches down to what the call would have taken without them.
 -- `checksum` columns are FNV-1a over what a run (with its environment, units, peaks, times, and which cells and visits it has) or a cell

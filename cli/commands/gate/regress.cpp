@@ -105,6 +105,24 @@ int regress_tables(const RegressOptions& options) {
   return emit_report(compare(options), options);
 }
 
+/// Where two workloads' calls first differ in what they read or write; empty = nowhere. Of names,
+/// each has its own.
+std::string different_work(const Workload& candidate, const Workload& baseline) {
+  const auto differ = [](std::span<const TensorSpec> ours, std::span<const TensorSpec> theirs,
+                         std::string_view what) -> std::string {
+    if (ours.size() != theirs.size()) {
+      return fmt::format("{} and {} {}", ours.size(), theirs.size(), what);
+    }
+    const auto is_same = [](const TensorSpec& a, const TensorSpec& b) {
+      return a.element == b.element && a.shape == b.shape;
+    };
+    const auto [our, their] = std::ranges::mismatch(ours, theirs, is_same);
+    return our == ours.end() ? "" : our->describe() + " and " + their->describe();
+  };
+  const std::string inputs = differ(candidate.inputs, baseline.inputs, "inputs");
+  return !inputs.empty() ? inputs : differ(candidate.outputs, baseline.outputs, "outputs");
+}
+
 /// Two workloads are two commands: fresh processes of this program that sample them.
 RegressOptions as_commands(RegressOptions options) {
   const auto equals = options.as.find('=');
@@ -117,8 +135,16 @@ RegressOptions as_commands(RegressOptions options) {
   }
   const auto own = options.own.all();
   learn(own);
+  const std::string candidate = options.as.substr(0, equals),
+                    baseline = options.as.substr(equals + 1);
+  const std::string differs = different_work(find_workload(candidate), find_workload(baseline));
+  if (!differs.empty()) {
+    warn(
+        fmt::format("{} and {} do not have the same to do: {}; a size of one's own is named as in "
+                    "sobel@640x480",
+                    candidate, baseline, differs));
+  }
   const auto sampling = [&](const std::string& workload) {
-    static_cast<void>(find_workload(workload));
     std::string command = path_in_shell(std::filesystem::read_symlink("/proc/self/exe").string()) +
                           " sample --workload " + in_shell(workload) + " --unit " +
                           in_shell(options.units.front()) + " --seed " +
@@ -134,9 +160,8 @@ RegressOptions as_commands(RegressOptions options) {
     }
     return command;
   };
-  options.candidate_command = sampling(options.as.substr(0, equals));
-  options.baseline_command = sampling(options.as.substr(equals + 1));
-  options.reads = "pirt";
+  options.candidate_command = sampling(candidate);
+  options.baseline_command = sampling(baseline);
   return options;
 }
 

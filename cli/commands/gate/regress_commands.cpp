@@ -21,7 +21,7 @@ DuetCommands commands_of(const RegressOptions& options) {
   for (const auto* words : {&commands.baseline, &commands.candidate, &commands.setup}) {
     if (!words->empty()) static_cast<void>(find_program(words->front()));
   }
-  commands.reader = &find_reader(options.reads);
+  commands.reader = options.as.empty() ? &find_reader(options.reads) : &workload_reader();
   commands.warm_up = options.warm_up;
   commands.limit = parse_duration(options.sample_limit);
   commands.stop = stop_on_signal();

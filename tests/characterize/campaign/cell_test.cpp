@@ -323,6 +323,23 @@ TEST_F(Cell, AContendedRowReachesDownToWhatProcessorTimeSays) {
   EXPECT_EQ(interval->high, from_ms(40));
 }
 
+TEST_F(Cell, OfFewProcessesSaysThatOthersMayDiffer) {
+  add({10, 12});
+  const PhaseRecord few = row(Phase::kCall);
+  EXPECT_THAT(few.doubts, ElementsAre("few_samples"));
+  const auto interval = statistics_of(few).interval;
+  EXPECT_EQ(interval->low, scaled(from_ms(10), 1 / 1.5));
+  EXPECT_EQ(interval->high, scaled(from_ms(12), 1.5));
+  add({11, 10, 12});
+  const auto known = statistics_of(row(Phase::kCall)).interval;
+  EXPECT_GE(known->low, from_ms(10));
+  EXPECT_LT(known->high, from_ms(15));
+
+  PhaseRecord published = few;
+  published.notes.emplace_back(kMeasuredElsewhere);
+  EXPECT_EQ(statistics_of(published).interval, std::nullopt);
+}
+
 TEST_F(Cell, KeepsWhatWasSampledBeforeAFailure) {
   add({10, 10, 10});
   JobResult crashed;
