@@ -92,6 +92,19 @@ TEST(Messages, SayThatASeedChangesNothing) {
   EXPECT_THAT(with("{uniform: [1, 2]}", {"--seed", "7"}).err, Not(HasSubstr("--seed")));
 }
 
+TEST(Messages, SayWhereNoUnitSuspendsCalls) {
+  const Scratch scratch;
+  const auto mix = scratch.write("m.yaml", kMix);
+  const auto with = [&](const std::string& slots) {
+    return pirt(
+        {"schedule", "--mode", "edf", "--slices", "on", "--mix", mix, "--platform",
+         scratch.write("b.yaml", "platform: board\nunits:\n  gpu: {servers: 1, slots: " + slots +
+                                     ", active_w: 1}\nworkloads:\n  sobel: {gpu: 1}\n")});
+  };
+  EXPECT_THAT(with("2").err, HasSubstr("--slices on changes nothing"));
+  EXPECT_THAT(with("1").err, Not(HasSubstr("--slices")));
+}
+
 TEST(Messages, OfAnOlderTraceSayTheRemedyAndNoLibrarysWords) {
   const Scratch scratch;
   const std::string older = R"({"traceEvents": [], "pirt": {"mode": "ect", "log": []}})";

@@ -30,6 +30,7 @@
 #include "scheduler/policies/policy.h"
 #include "scheduler/schedule_live.h"
 #include "scheduler/services/draws.h"
+#include "scheduler/services/services.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
@@ -174,6 +175,11 @@ Inputs read_inputs(const ScheduleFlags& options) {
     warn("--seed changes nothing: every call takes the time that is known of it" +
          std::string(inputs.profile ? "; --draw samples draws one of its samples" : "") +
          (options.faults ? "; --faults has a seed of its own" : ""));
+  }
+  if (options.slices == "on" && std::ranges::none_of(inputs.platform.units, can_suspend_calls)) {
+    warn("--slices on changes nothing: no unit of platform " + inputs.platform.name +
+         " suspends calls; one does of the host's cores, or modelled, with one slot, one server "
+         "and no contexts");
   }
   const auto closed = [](const Pipeline& pipeline) { return pipeline.frames.has_value(); };
   if (options.in_flight && std::ranges::none_of(inputs.mix.pipelines, closed)) {

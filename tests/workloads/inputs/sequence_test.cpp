@@ -257,6 +257,50 @@ TEST_F(SpoiledEuroc, IsReadAsSpreadsheetsWriteIt) {
                                         HasSubstr("separated by commas")));
 }
 
+/// The columns of a comma-separated file in another order.
+std::string with_columns(const std::string& text, const std::vector<std::size_t>& order) {
+  std::istringstream in(text);
+  std::string line, all;
+  while (std::getline(in, line)) {
+    const bool is_marked = line.starts_with('#');
+    std::istringstream row(is_marked ? line.substr(1) : line);
+    std::vector<std::string> cells;
+    for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+    all += is_marked ? "#" : "";
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      all += (i > 0 ? "," : "") + cells.at(order[i]);
+    }
+    all += "\n";
+  }
+  return all;
+}
+
+TEST_F(SpoiledEuroc, ColumnsAreFoundByTheirNames) {
+  const Sequence good = read_sequence(folder_);
+  const auto put_columns = [this](const fs::path& file, const std::vector<std::size_t>& order) {
+    put(folder_ / "mav0" / file, with_columns(text_of(folder_ / "mav0" / file), order));
+  };
+  put_columns("imu0/data.csv", {0, 4, 5, 6, 3, 2, 1});
+  put_columns("cam0/data.csv", {1, 0});
+  put_columns("state_groundtruth_estimate0/data.csv",
+              {0, 1, 2, 3, 5, 6, 7, 4, 14, 15, 16, 11, 12, 13, 8, 9, 10});
+  const Sequence read = read_sequence(folder_);
+  ASSERT_EQ(read.imu.size(), good.imu.size());
+  EXPECT_EQ(read.imu[9].gyro_rad_s, good.imu[9].gyro_rad_s);
+  EXPECT_EQ(read.imu[9].accel_m_s2, good.imu[9].accel_m_s2);
+  EXPECT_EQ(read.frames.size(), good.frames.size());
+  EXPECT_EQ(read.truth[9].body.rotation, good.truth[9].body.rotation);
+  EXPECT_EQ(read.truth[9].velocity_m_s, good.truth[9].velocity_m_s);
+  EXPECT_EQ(read.truth[9].accel_bias_m_s2, good.truth[9].accel_bias_m_s2);
+
+  edit("imu0/data.csv", "w_RS_S_x [rad s^-1]", "w_RS_S_x [deg s^-1]");
+  EXPECT_THAT(problem(), testing::AllOf(HasSubstr("imu0/data.csv:1"), HasSubstr("is in deg s^-1"),
+                                        HasSubstr("give rad/s")));
+  edit("imu0/data.csv", "w_RS_S_x", "turn");
+  EXPECT_THAT(problem(), testing::AllOf(HasSubstr("imu0/data.csv:1"), HasSubstr("the heading has"),
+                                        HasSubstr("name all")));
+}
+
 TEST_F(SpoiledEuroc, NoticesDegreesAndG) {
   const Sequence good = read_sequence(folder_);
   const auto rewrite = [&](double gyro, double accel) {
@@ -528,6 +572,19 @@ TEST(Trajectory, TumTextHasNanosecondsAndTheQuaternionLast) {
   EXPECT_EQ(test::line_of(tum_text(poses), 1),
             "1403715273.262142976 1.000000000 2.000000000 3.000000000 0.000000000 0.000000000 "
             "0.707106781 0.707106781");
+}
+
+TEST(Trajectory, AHeadingSaysWhereTheQuaternionHasItsRealPart) {
+  const test::ScratchFolder scratch;
+  const fs::path file = scratch.path() / "truth.txt";
+  std::vector<std::string> warnings;
+  const auto read = [&](const std::string& heading) {
+    put(file, heading + "\n1 0 0 0 0.6 0 0 0.8\n2 0 0 0 0.6 0 0 0.8\n3 0 0 0 0.6 0 0 0.8\n");
+    return Eigen::Quaterniond(read_tum(file, warnings).front().body.rotation);
+  };
+  EXPECT_NEAR(read("# timestamp tx ty tz qx qy qz qw").x(), 0.6, 1e-12);
+  EXPECT_NEAR(read("# estimated trajectory").x(), 0.6, 1e-12);
+  EXPECT_NEAR(read("# timestamp tx ty tz qw qx qy qz").w(), 0.6, 1e-12);
 }
 
 TEST(Trajectory, TruthIsNotMadeUpAcrossGaps) {

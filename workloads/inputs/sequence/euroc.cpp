@@ -83,7 +83,8 @@ double rate_of(const std::vector<Row>& rows) {
 /// cam0/data.csv: stamp, file.
 std::vector<Stamped> read_frames(const fs::path& camera, std::vector<std::string>& warnings) {
   std::vector<Stamped> frames;
-  for (const auto& row : read_table(camera / "data.csv", ',', 2)) {
+  static constexpr std::string_view kNames[] = {"timestamp", "filename"};
+  for (const auto& row : read_table(camera / "data.csv", ',', 2, kNames)) {
     const fs::path name = row.text(1);
     if (name.empty() || name.has_parent_path() || name == "." || name == "..") {
       row.fail("'" + name.string() + "' is not the name of a picture");
@@ -313,8 +314,10 @@ ImuModel read_imu_yaml(const fs::path& file) {
 }
 
 std::vector<ImuSample> read_imu_csv(const fs::path& file, std::vector<std::string>& warnings) {
+  static constexpr std::string_view kNames[] = {"timestamp", "w x", "w y", "w z",
+                                                "a x",       "a y", "a z"};
   std::vector<ImuSample> imu;
-  for (const auto& row : read_table(file, ',', 7)) {
+  for (const auto& row : read_table(file, ',', 7, kNames)) {
     ImuSample sample;
     sample.time = row.stamp(0);
     for (int axis = 0; axis < 3; ++axis) {
@@ -331,7 +334,10 @@ std::vector<ImuSample> read_imu_csv(const fs::path& file, std::vector<std::strin
 std::vector<TruthRow> read_truth_csv(const fs::path& file, std::vector<std::string>& warnings) {
   std::vector<TruthRow> truth;
   constexpr std::size_t kState = 17, kPose = 8;
-  for (const auto& row : read_table(file, ',', 0)) {
+  static constexpr std::string_view kNames[kState] = {
+      "timestamp", "p x", "p y",   "p z",   "q w",   "q x",   "q y",   "q z",  "v x",
+      "v y",       "v z", "b_w x", "b_w y", "b_w z", "b_a x", "b_a y", "b_a z"};
+  for (const auto& row : read_table(file, ',', 0, kNames)) {
     if (row.size() != kState && row.size() != kPose) {
       row.fail(fmt::format("has {} columns, expected {} or {}; is the file cut off?", row.size(),
                            kState, kPose));

@@ -6,7 +6,10 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <initializer_list>
 #include <limits>
+#include <optional>
+#include <utility>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/numbers.h"
@@ -62,25 +65,87 @@ bool is_heading(const std::string& cell) {
   return !word.empty() && word != "nan" && word != "inf" && word != "infinity";
 }
 
+/// "q w" of "q_RS_w []" and of "qw", "b_a x" of "b_a_RS_S_x [m s^-2]", "timestamp" of "#timestamp
+/// [ns]".
+std::string name_of(std::string_view cell) {
+  std::string text = trimmed(cell.substr(0, cell.find_first_of("[(")));
+  std::ranges::transform(text, text.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const bool is_bias = text.starts_with("b_") && text.size() > 3;
+  const std::size_t group = text.find('_', is_bias ? 2 : 0), axis = text.rfind('_');
+  if (group != std::string::npos && axis != std::string::npos && axis >= group) {
+    return text.substr(0, group) + " " + text.substr(axis + 1);
+  }
+  return text.size() == 2 ? text.substr(0, 1) + " " + text.substr(1) : text;
+}
+
+/// @throws Error{kBadInput} for a unit that is not the one in which the column is read.
+void check_unit(const TableRow& heading, std::size_t column, std::string_view name) {
+  const std::string& cell = heading.text(column);
+  const auto begin = cell.find('[');
+  if (begin == std::string::npos) return;
+  const std::string unit =
+      trimmed(std::string_view(cell).substr(begin + 1, cell.find(']') - begin - 1));
+  const auto is_one_of = [&](std::initializer_list<std::string_view> units) {
+    return std::ranges::any_of(units, [&](std::string_view each) {
+      return unit == each || unit.starts_with(std::string(each) + " ") ||
+             unit.starts_with(std::string(each) + "/");
+    });
+  };
+  const bool turns = name.starts_with("w ") || name.starts_with("b_w "),
+             accelerates = name.starts_with("a ") || name.starts_with("b_a "),
+             moves = name.starts_with("p ") || name.starts_with("t ") || name.starts_with("v ");
+  const auto fail = [&](const char* wanted) {
+    heading.fail(fmt::format("column {} is in {}; give {}", column + 1, unit, wanted));
+  };
+  if (turns && is_one_of({"deg", "degree", "degrees", "\u00b0"})) fail("rad/s");
+  if (accelerates && is_one_of({"g", "mg"})) fail("m/s^2");
+  if (moves && is_one_of({"mm", "cm", "km", "ft", "in"}))
+    fail(name.starts_with("v ") ? "m/s" : "m");
+}
+
+/// @param heading  Of as many cells as the rows have.
+ColumnOrder order_of(const TableRow& heading, std::span<const std::string_view> names) {
+  std::vector<std::size_t> order;
+  std::string elsewhere;
+  for (std::size_t column = 0; column < names.size(); ++column) {
+    for (std::size_t i = 0; i < heading.size(); ++i) {
+      if (name_of(heading.text(i)) != names[column]) continue;
+      order.push_back(i);
+      check_unit(heading, i, names[column]);
+      if (i != column) {
+        elsewhere = fmt::format("the heading has {} in column {}, where column {} is meant",
+                                heading.text(i), i + 1, column + 1);
+      }
+      break;
+    }
+  }
+  if (elsewhere.empty()) return nullptr;
+  if (order.size() != names.size()) {
+    heading.fail(elsewhere + ", and does not name all columns; name all, or write them in order");
+  }
+  return std::make_shared<const std::vector<std::size_t>>(std::move(order));
+}
+
 }  // namespace
 
 double TableRow::number(std::size_t column) const {
-  const auto read = decimal_number(plain(cells_[column]), -kLargest, kLargest);
-  if (!read.value) fail(fmt::format("column {} {}", column + 1, read.problem));
+  const auto read = decimal_number(plain(text(column)), -kLargest, kLargest);
+  if (!read.value) fail(fmt::format("column {} {}", at(column) + 1, read.problem));
   return *read.value;
 }
 
 Nanos TableRow::seconds(std::size_t column) const {
   constexpr double kLatest_s = 9e9;
-  const auto read = decimal_number(plain(cells_[column]), 0, kLatest_s);
-  if (!read.value) fail(fmt::format("column {} (seconds) {}", column + 1, read.problem));
+  const auto read = decimal_number(plain(text(column)), 0, kLatest_s);
+  if (!read.value) fail(fmt::format("column {} (seconds) {}", at(column) + 1, read.problem));
   return from_s(*read.value);
 }
 
 Nanos TableRow::stamp(std::size_t column) const {
   const auto read =
-      whole_number<std::int64_t>(cells_[column], 0, std::numeric_limits<std::int64_t>::max() / 4);
-  if (!read.value) fail(fmt::format("column {} (nanoseconds) {}", column + 1, read.problem));
+      whole_number<std::int64_t>(text(column), 0, std::numeric_limits<std::int64_t>::max() / 4);
+  if (!read.value) fail(fmt::format("column {} (nanoseconds) {}", at(column) + 1, read.problem));
   return Nanos(*read.value);
 }
 
@@ -97,22 +162,30 @@ Eigen::Matrix3d TableRow::rotation(std::size_t w, std::size_t x) const {
 void TableRow::fail(const std::string& message) const { throw_bad_input(place_ + ": " + message); }
 
 std::vector<TableRow> read_table(const std::filesystem::path& file, char separator,
-                                 std::size_t columns) {
+                                 std::size_t columns, std::span<const std::string_view> names) {
   std::vector<TableRow> rows;
+  std::optional<TableRow> heading;  // The last line above the rows, marked as a comment or not.
+  ColumnOrder order;
   int number = 0;
   bool is_first = true;
   for (const auto& raw : split(read_text(file), '\n')) {
     ++number;
     std::string line = trimmed(raw);
     if (separator == ' ') std::ranges::replace(line, '\t', ' ');
-    if (line.empty() || line.front() == '#') continue;
+    if (line.empty()) continue;
+    const std::string place = fmt::format("{}:{}", file.string(), number);
+    const bool is_comment = line.front() == '#';
+    if (is_comment) line.erase(0, line.find_first_not_of('#'));
     auto cells = cells_of(line, separator);
-    if (separator == ',' && is_first && is_heading(cells.front())) {
-      is_first = false;
+    const bool may_be_heading = !is_comment && separator == ',' && std::exchange(is_first, false);
+    if (is_comment || (may_be_heading && is_heading(cells.front()))) {
+      if (rows.empty()) heading.emplace(place, std::move(cells));
       continue;
     }
-    is_first = false;
-    TableRow row(fmt::format("{}:{}", file.string(), number), std::move(cells));
+    if (rows.empty() && heading && heading->size() == cells.size()) {
+      order = order_of(*heading, names.first(std::min(names.size(), cells.size())));
+    }
+    TableRow row(place, std::move(cells), order);
     if (columns != 0 && row.size() != columns) {
       row.fail(fmt::format("has {} columns, expected {}{}", row.size(), columns,
                            row.size() < columns ? why_fewer(line, separator) : ""));

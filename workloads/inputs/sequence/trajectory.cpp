@@ -104,7 +104,9 @@ std::string tum_text(std::span<const StampedPose> trajectory) {
 std::vector<TruthRow> read_tum(const std::filesystem::path& file,
                                std::vector<std::string>& warnings) {
   std::vector<TruthRow> truth;
-  for (const TableRow& row : read_table(file, ' ', 8)) {
+  static constexpr std::string_view kNames[] = {"timestamp", "t x", "t y", "t z",
+                                                "q x",       "q y", "q z", "q w"};
+  for (const TableRow& row : read_table(file, ' ', 8, kNames)) {
     const Eigen::Vector3d position(row.number(1), row.number(2), row.number(3));
     truth.push_back({row.seconds(0), {row.rotation(7, 4), position}});
   }
