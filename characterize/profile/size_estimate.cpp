@@ -22,11 +22,16 @@ constexpr std::array kPhasesOfCall = {Phase::kUpload, Phase::kLaunch, Phase::kEx
 using own::plain_name;
 using own::size_in;
 
-/// Of the first output; of a foreign workload, whose outputs nobody knows, of a picture of its
-/// size. Absent where that is not known either.
+/// Of the first output, or, where that is a list, which is as long at any size, of the first input;
+/// of a foreign workload, whose outputs nobody knows, of a picture of its size. Absent where that
+/// is not known either.
 std::optional<double> elements_of(const std::string& workload) {
   const auto spec = try_find_spec(workload);
-  if (spec && !spec->outputs.empty()) return static_cast<double>(spec->outputs.front().count());
+  if (spec && !spec->outputs.empty()) {
+    const TensorSpec& output = spec->outputs.front();
+    const bool is_list = output.varies && !spec->inputs.empty();
+    return static_cast<double>((is_list ? spec->inputs.front() : output).count());
+  }
   const auto size = size_in(workload);
   if (!size) return std::nullopt;
   return static_cast<double>(size->width) * size->height;

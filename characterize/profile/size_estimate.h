@@ -15,7 +15,7 @@ namespace pirt {
 
 /// What a call took at one size.
 struct SizedTime {
-  double elements = 0;  ///< Of the first output; above 0.
+  double elements = 0;  ///< Of the first output, or input if that is a list; above 0.
   double time_s = 0;    ///< Above 0.
 };
 

@@ -25,7 +25,9 @@ bool is_inside(Profile profile, const PhaseRow& truth) {
   std::erase_if(profile.phases, [&](const PhaseRow& row) {
     return row.workload == truth.workload && row.unit == truth.unit;
   });
+  std::string why = "it has no size";
   for (const SizeGap& gap : size_gaps(profile, {truth.workload})) {
+    if (gap.unit == truth.unit) why = gap.why_not;
     if (gap.unit != truth.unit || !gap.why_not.empty()) continue;
     const PhaseRow shown = add_estimate(profile, gap);
     const bool inside = *shown.ci_low <= *truth.median && *truth.median <= *shown.ci_high;
@@ -34,7 +36,7 @@ bool is_inside(Profile profile, const PhaseRow& truth) {
                to_ms(*shown.ci_high), inside ? "" : "  OUTSIDE");
     return inside;
   }
-  throw_bad_input(truth.workload + " on " + truth.unit + ": no estimate from the other sizes");
+  throw_bad_input(truth.workload + " on " + truth.unit + ": no estimate, since " + why);
 }
 
 int run(const std::string& path) {

@@ -122,6 +122,20 @@ TEST(SizeEstimate, IsOfTheSizesBetweenThoseThatAreMeasured) {
   EXPECT_THAT(size_gaps(profile, {"sobel@1280x720"}), IsEmpty());
 }
 
+TEST(SizeEstimate, OfListsGoesByWhatTheyAreMadeOf) {
+  Profile profile;
+  for (const auto& [width, height] :
+       std::vector<std::pair<int, int>>{{320, 240}, {800, 600}, {1280, 720}, {1600, 1200}}) {
+    profile.phases.push_back(
+        sized_row("feature_detect@" + std::to_string(width) + "x" + std::to_string(height),
+                  linear_ms(width, height)));
+  }
+  const auto gaps = size_gaps(profile, {"feature_detect@1024x768"});
+  ASSERT_THAT(gaps, SizeIs(1));
+  ASSERT_THAT(gaps[0].why_not, IsEmpty()) << "corners are as many at any size";
+  EXPECT_NEAR(to_ms(*add_estimate(profile, gaps[0]).median), linear_ms(1024, 768), 0.02);
+}
+
 TEST(SizeEstimate, IsNotBeyondThemNorOfThree) {
   Profile profile = sobels();
   for (const char* size : {"sobel@320x240", "sobel@3840x2160"}) {
