@@ -21,12 +21,12 @@ class LongRun : public testing::Test {
   [[nodiscard]] std::string tmp() const { return scratch_.file("tmp"); }
   [[nodiscard]] std::string database() const { return scratch_.file("p.db"); }
 
-  /// The command of a run of two workloads on three units, which takes a second or two.
+  /// The command of a run of two workloads on one unit, which takes a few seconds.
   /// @param signals  An option of env: a shell's background ignores SIGINT.
   [[nodiscard]] std::string command(const std::string& options = "",
                                     const std::string& signals = "--default-signal") const {
     return "exec env " + signals + " TMPDIR=" + quoted(tmp()) + " " + quoted(kProgram) +
-           " characterize --quick --platform fake --filter '^(pool5|fc8)$' --db " +
+           " characterize --quick --platform fake --units cpu --filter '^(pool5|fc8)$' --db " +
            quoted(database()) + " " + options;
   }
 

@@ -5,18 +5,14 @@ using namespace pirt::module;
 void sobel(const Call& call) {
   const auto image = call.input<uint8_t>(0);
   const auto gx = call.output<int16_t>(0), gy = call.output<int16_t>(1);
-  const auto reflected = [](int64_t p, int64_t end) {
-    return p < 0 ? -p : p < end ? p : 2 * end - 2 - p;
-  };
+  const auto at = [](int64_t p, int64_t n) { return p < 0 ? -p : p < n ? p : 2 * n - 2 - p; };
+  const auto row = [&](int64_t y) { return &image(at(y, image.height()), 0); };
   for (int64_t y = 0; y < image.height(); ++y) {
-    const uint8_t* rows[3];
-    for (int i = 0; i < 3; ++i) rows[i] = &image(reflected(y + i - 1, image.height()), 0);
+    const uint8_t *a = row(y - 1), *b = row(y), *c = row(y + 1);
     for (int64_t x = 0; x < image.width(); ++x) {
-      const int64_t l = reflected(x - 1, image.width()), r = reflected(x + 1, image.width());
-      gx(y, x) = int16_t(rows[0][r] - rows[0][l] + 2 * (rows[1][r] - rows[1][l]) + rows[2][r] -
-                         rows[2][l]);
-      gy(y, x) = int16_t(rows[2][l] + 2 * rows[2][x] + rows[2][r] - rows[0][l] - 2 * rows[0][x] -
-                         rows[0][r]);
+      const int64_t l = at(x - 1, image.width()), r = at(x + 1, image.width());
+      gx(y, x) = int16_t(a[r] - a[l] + 2 * (b[r] - b[l]) + c[r] - c[l]);
+      gy(y, x) = int16_t(c[l] + 2 * c[x] + c[r] - a[l] - 2 * a[x] - a[r]);
     }
   }
 }
