@@ -293,6 +293,12 @@ TEST_F(SpoiledEuroc, ColumnsAreFoundByTheirNames) {
   EXPECT_EQ(read.truth[9].velocity_m_s, good.truth[9].velocity_m_s);
   EXPECT_EQ(read.truth[9].accel_bias_m_s2, good.truth[9].accel_bias_m_s2);
 
+  const std::string named = row("imu0/data.csv", 0);
+  edit("imu0/data.csv", named, "when,acc_x,acc_y,acc_z,gyro_z,gyro_y,gyro_x");
+  EXPECT_THAT(problem(), HasSubstr("name all")) << "what `when` is nobody knows";
+  edit("imu0/data.csv", "when,acc", "time_ns,acc");
+  EXPECT_EQ(read_sequence(folder_).imu[9].gyro_rad_s, good.imu[9].gyro_rad_s);
+  edit("imu0/data.csv", row("imu0/data.csv", 0), named);
   edit("imu0/data.csv", "w_RS_S_x [rad s^-1]", "w_RS_S_x [deg s^-1]");
   EXPECT_THAT(problem(), testing::AllOf(HasSubstr("imu0/data.csv:1"), HasSubstr("is in deg s^-1"),
                                         HasSubstr("give rad/s")));

@@ -65,18 +65,24 @@ bool is_heading(const std::string& cell) {
   return !word.empty() && word != "nan" && word != "inf" && word != "infinity";
 }
 
-/// "q w" of "q_RS_w []" and of "qw", "b_a x" of "b_a_RS_S_x [m s^-2]", "timestamp" of "#timestamp
-/// [ns]".
+/// "q w" of "q_RS_w []" and of "qw", "b_a x" of "b_a_RS_S_x [m s^-2]", "w x" of "gyro_x" and of
+/// "angular_velocity.x", "timestamp" of "#timestamp [ns]".
 std::string name_of(std::string_view cell) {
   std::string text = trimmed(cell.substr(0, cell.find_first_of("[(")));
-  std::ranges::transform(text, text.begin(),
-                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::ranges::transform(text, text.begin(), [](unsigned char c) {
+    return c == '.' ? '_' : static_cast<char>(std::tolower(c));
+  });
+  if (text == "t" || text == "stamp" || text.starts_with("time")) return "timestamp";
   const bool is_bias = text.starts_with("b_") && text.size() > 3;
-  const std::size_t group = text.find('_', is_bias ? 2 : 0), axis = text.rfind('_');
-  if (group != std::string::npos && axis != std::string::npos && axis >= group) {
-    return text.substr(0, group) + " " + text.substr(axis + 1);
-  }
-  return text.size() == 2 ? text.substr(0, 1) + " " + text.substr(1) : text;
+  const std::size_t first = text.find('_', is_bias ? 2 : 0), last = text.rfind('_');
+  const bool is_pair = text.size() == 2;
+  if (!is_pair && (first == std::string::npos || last < first)) return text;
+  std::string group = text.substr(0, is_pair ? 1 : first);
+  const std::string axis = text.substr(is_pair ? 1 : last + 1);
+  if (group == "g" || group == "omega" || group == "angular" || group.starts_with("gyr"))
+    group = "w";
+  if (group == "linear" || group.starts_with("acc")) group = "a";
+  return group + " " + axis;
 }
 
 /// @throws Error{kBadInput} for a unit that is not the one in which the column is read.
