@@ -11,9 +11,6 @@
 #define FARTHEST 4.0f
 #define MOST 400
 
-typedef uchar8 Bytes8 __attribute__((aligned(1)));
-typedef ushort16 Ushorts16 __attribute__((aligned(2)));
-
 // The first two kernels look at pixels a rim away from the border alone, so that no segment of 16
 // has a special case. Their global ids are (segment, row), from FIRST_COLUMN and RIM on.
 #define FIRST_COLUMN 16

@@ -13,8 +13,6 @@
 #define LANES(name) VECTOR(name, PIXELS)
 #endif
 
-/// Two neighbouring bytes, the left one and the right one; at any address.
-typedef ushort Pair __attribute__((aligned(1)));
 #ifdef __ENDIAN_LITTLE__
 #define LEFT(pairs) ((pairs) & (Shorts)255)
 #define RIGHT(pairs) ((pairs) >> (Shorts)8)
@@ -23,7 +21,21 @@ typedef ushort Pair __attribute__((aligned(1)));
 #define RIGHT(pairs) ((pairs) & (Shorts)255)
 #endif
 
+/// PAIR: two neighbouring bytes, the left one and the right one, at any address; as lanes.cl says.
+#ifdef POCL_DEVICE_ADDRESS_BITS
+typedef ushort Pair __attribute__((aligned(1)));
 typedef LANES(uchar) Bytes __attribute__((aligned(1)));
+#define PAIR(p) (*(__global const Pair*)(p))
+#define STORE_LANES(p, value) (*(__global Bytes*)(p) = (value))
+#else
+typedef LANES(uchar) Bytes;
+#define PAIR(p) as_ushort(vload2(0, p))
+#if PIXELS == 1
+#define STORE_LANES(p, value) (*(p) = (value))
+#else
+#define STORE_LANES(p, value) LANES(vstore)(value, 0, p)
+#endif
+#endif
 typedef LANES(ushort) Shorts;
 typedef LANES(uint) Words;
 typedef union {
@@ -52,8 +64,8 @@ __kernel void undistort(__global const uchar* restrict image, __global uchar* re
   if (width > 1) {
 #pragma unroll
     for (int i = 0; i < PIXELS; ++i) {
-      upper.each[i] = *(__global const Pair*)(image + offsets[i]);
-      lower.each[i] = *(__global const Pair*)(image + offsets[i] + below);
+      upper.each[i] = PAIR(image + offsets[i]);
+      lower.each[i] = PAIR(image + offsets[i] + below);
     }
   } else {  // The pixel and nothing: its right neighbour's weight is 0.
 #pragma unroll
@@ -75,7 +87,7 @@ __kernel void undistort(__global const uchar* restrict image, __global uchar* re
 
   __global uchar* to = straight + y * width + first;
   if (first + PIXELS <= width) {
-    *(__global Bytes*)to = result;
+    STORE_LANES(to, result);
     return;
   }
   union {
