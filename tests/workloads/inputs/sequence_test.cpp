@@ -293,6 +293,13 @@ TEST_F(SpoiledEuroc, ColumnsAreFoundByTheirNames) {
   EXPECT_EQ(read.truth[9].velocity_m_s, good.truth[9].velocity_m_s);
   EXPECT_EQ(read.truth[9].accel_bias_m_s2, good.truth[9].accel_bias_m_s2);
 
+  const fs::path truth = "state_groundtruth_estimate0/data.csv";
+  const std::string whole = row(truth, 5);
+  std::size_t cut = 0;  // behind its eighth cell
+  for (int cells = 0; cells < 8; ++cells) cut = whole.find(',', cut + 1);
+  edit(truth, whole, whole.substr(0, cut));
+  EXPECT_THAT(problem(), HasSubstr("has 8 columns, expected 17"));
+  edit(truth, whole.substr(0, cut) + "\n", whole + "\n");
   const std::string named = row("imu0/data.csv", 0);
   edit("imu0/data.csv", named, "when,acc_x,acc_y,acc_z,gyro_z,gyro_y,gyro_x");
   EXPECT_THAT(problem(), HasSubstr("name all")) << "what `when` is nobody knows";

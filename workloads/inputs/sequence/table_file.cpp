@@ -159,8 +159,8 @@ Eigen::Matrix3d TableRow::rotation(std::size_t w, std::size_t x) const {
   constexpr double kTolerance = 1e-3;
   const Eigen::Quaterniond q(number(w), number(x), number(x + 1), number(x + 2));
   if (!(std::abs(q.norm() - 1.0) <= kTolerance)) {
-    fail(fmt::format("the quaternion in columns {} to {} has not length 1", std::min(w, x) + 1,
-                     std::max(w, x + 2) + 1));
+    const auto [first, last] = std::minmax({at(w), at(x), at(x + 1), at(x + 2)});
+    fail(fmt::format("the quaternion in columns {} to {} has not length 1", first + 1, last + 1));
   }
   return q.normalized().toRotationMatrix();
 }
@@ -192,9 +192,10 @@ std::vector<TableRow> read_table(const std::filesystem::path& file, char separat
       order = order_of(*heading, names.first(std::min(names.size(), cells.size())));
     }
     TableRow row(place, std::move(cells), order);
-    if (columns != 0 && row.size() != columns) {
-      row.fail(fmt::format("has {} columns, expected {}{}", row.size(), columns,
-                           row.size() < columns ? why_fewer(line, separator) : ""));
+    const std::size_t expected = order != nullptr ? heading->size() : columns;
+    if (expected != 0 && row.size() != expected) {
+      row.fail(fmt::format("has {} columns, expected {}{}", row.size(), expected,
+                           row.size() < expected ? why_fewer(line, separator) : ""));
     }
     rows.push_back(std::move(row));
   }

@@ -47,13 +47,11 @@ class TableRow {
 /// The rows of a file, comments (#) and empty lines left out.
 /// @param separator  ',' or ' ' (any number of blanks).
 /// @param columns    How many each row has; 0 = any.
-/// @param names      What a heading may call them, as "q w" for q_RS_w [], in the order in which
-/// they
-///                   are read: one that has all of these in another order is followed. Other words
-///                   say nothing.
+/// @param names  What a heading may call them, as "q w" for q_RS_w [], in the order in which they
+///               are read: one that has all of these in another order is followed. Other words say
+///               nothing.
 /// @throws Error{kBadInput} for a row with another number of cells, for a file without rows, and
-/// for a heading that has some of the names elsewhere, and not all, or units in which they are not
-/// read.
+/// for a heading that has some of the names elsewhere and not all, or units that are not read.
 [[nodiscard]] std::vector<TableRow> read_table(const std::filesystem::path& file, char separator,
                                                std::size_t columns,
                                                std::span<const std::string_view> names = {});
