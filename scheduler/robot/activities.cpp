@@ -241,20 +241,20 @@ void Activities::list_workloads(RuntimeOptions& options) const {
       const auto objects = recognition::detect_objects(*model, inputs[0], {});
       outputs[0].as<std::int32_t>()[0] = static_cast<std::int32_t>(objects.size());
     };
-    options.own.push_back({.name = "recognize",
-                           .inputs = {image},
-                           .outputs = {{"objects", Element::kI32, {1}}},
-                           .kernels = {{"cpu", recognize}}});
+    options.workloads.emplace_back(OwnWorkload{.name = "recognize",
+                                               .inputs = {image},
+                                               .outputs = {{"objects", Element::kI32, {1}}},
+                                               .kernels = {{"cpu", recognize}}});
   }
   if (scene_ && !describer_) options.workloads.emplace_back("describe_scene");
   if (scene_ && describer_) {
     // A worker in the cloud may have the same models.
     const Workload& describe = *describer_->workload;
-    options.own.push_back({.name = describe.name,
-                           .inputs = describe.inputs,
-                           .outputs = describe.outputs,
-                           .kernels = {{"cpu", describer_->describe}},
-                           .known_as = describer_->workload});
+    options.workloads.emplace_back(OwnWorkload{.name = describe.name,
+                                               .inputs = describe.inputs,
+                                               .outputs = describe.outputs,
+                                               .kernels = {{"cpu", describer_->describe}},
+                                               .known_as = describer_->workload});
   }
 }
 

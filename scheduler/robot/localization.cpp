@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <deque>
 #include <exception>
+#include <iterator>
 #include <memory>
 #include <mutex>
 #include <thread>
@@ -64,9 +65,9 @@ class LiveLocalization {
         period_(mean_period(sequence)) {
     const auto& camera = options_.setup.cameras[0];
     RuntimeOptions& runtime = options_.runtime;
-    runtime.made = slam::steps(options_.setup);
-    runtime.made.push_back(vision::make_extract_features(camera.width, camera.height));
-    runtime.own = tracking_workloads(options_.setup);
+    std::ranges::copy(slam::steps(options_.setup), std::back_inserter(runtime.workloads));
+    runtime.workloads.emplace_back(vision::make_extract_features(camera.width, camera.height));
+    std::ranges::copy(tracking_workloads(options_.setup), std::back_inserter(runtime.workloads));
     if (options_.companion != nullptr) options_.companion->list_workloads(runtime);
     owner_ = std::make_unique<Runtime>(runtime);
     runtime_ = owner_.get();

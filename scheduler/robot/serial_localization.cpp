@@ -6,6 +6,7 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <variant>
 
 #include "scheduler/robot/localization.h"
 #include "scheduler/runtime/samples.h"
@@ -25,7 +26,12 @@ class CpuCaller final : public Caller {
  public:
   explicit CpuCaller(const RuntimeOptions& listed) : samples_(1) {
     device_ = find_backend("cpu").open({.unit = "cpu", .cores = {}, .device = "", .script = ""});
-    for (const std::string& name : listed.workloads) {
+    for (const ServedWorkload& served : listed.workloads) {
+      if (const auto* const own = std::get_if<OwnWorkload>(&served)) {
+        add(own->name, std::make_unique<FunctionKernel>(own->kernels.at("cpu")), own->outputs);
+        continue;
+      }
+      const auto& name = std::get<std::string>(served);
       const Workload& workload = find_workload(name);
       const auto first = listed.first_inputs.find(name);
       if (first != listed.first_inputs.end()) samples_.begin_with(workload, *first->second);
@@ -33,9 +39,6 @@ class CpuCaller final : public Caller {
       add(name, device_->prepare(workload, sample->parameters), workload.outputs);
       // As in the runtime: some compile at the first call.
       compute(prepared_.at(name), sample->inputs);
-    }
-    for (const OwnWorkload& own : listed.own) {
-      add(own.name, std::make_unique<FunctionKernel>(own.kernels.at("cpu")), own.outputs);
     }
   }
   void call(std::string_view workload, const std::vector<Tensor>& inputs, const TaskOptions&,

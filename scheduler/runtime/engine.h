@@ -179,7 +179,11 @@ class Runtime::Engine final : private LiveDriver {
   /// Since the start.
   [[nodiscard]] Nanos now() const { return clock_.now() - began_; }
   [[nodiscard]] std::string name_of_rows(const Workload& made) const;
+  void load_files();
   void list_workloads();
+  void list_workload(const Workload& workload, const OwnWorkload* own, const std::string& name);
+  void list_workload(Workload& made);
+  void list_workload(const OwnWorkload& own);
   void list_states();
   void take_first_inputs();
   void tell_limits() const;
@@ -257,7 +261,7 @@ class Runtime::Engine final : private LiveDriver {
   RuntimeOptions options_;
   runtime::LiveClock clock_;
   Nanos began_ = clock_.now();
-  /// And RuntimeOptions::made. A call that hangs may outlive the engine.
+  /// And those of the options that are made. A call that hangs may outlive the engine.
   std::shared_ptr<std::deque<Workload>> own_ = std::make_shared<std::deque<Workload>>();
   std::vector<Known> workloads_;
   std::map<std::string, std::size_t, std::less<>> names_;

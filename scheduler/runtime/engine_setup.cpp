@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <limits>
 #include <map>
+#include <variant>
 
 #include "characterize/platform/unit_request.h"
+#include "characterize/profile/own_rows.h"
 #include "scheduler/runtime/engine.h"
 #include "scheduler/services/devices.h"
 #include "workloads/backends/registry.h"
@@ -13,6 +15,7 @@
 #include "workloads/base/system/thread.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/catalog/own_files.h"
 #include "workloads/catalog/own_list.h"
 #include "workloads/own/definition.h"
 
@@ -138,37 +141,66 @@ std::string Runtime::Engine::name_of_rows(const Workload& made) const {
       options_.profile->path, plain->name, options_.platform.name, name, options_.profile->path));
 }
 
-void Runtime::Engine::list_workloads() {
-  const auto add = [this](const Workload& workload, const OwnWorkload* own,
-                          const std::string& name) {
-    if (!names_.emplace(name, workloads_.size()).second) {
-      throw_bad_input("workload '" + name + "' is given twice");
+/// Before anything is listed, so that others of the options may name what a file has, too.
+void Runtime::Engine::load_files() {
+  for (ServedWorkload& served : options_.workloads) {
+    auto* const file = std::get_if<WorkloadFile>(&served);
+    if (file == nullptr) continue;
+    std::vector<std::string> names;
+    const auto loaded = load_workloads(file->path);
+    for (const own::Definition& each : loaded) names.push_back(each.name);
+    if (options_.profile) {
+      static_cast<void>(
+          doubt_changed(*options_.profile, {names.begin(), names.end()}, loaded.front().digest));
     }
-    check_code_is_here(workload);
-    workloads_.push_back({.workload = &workload,
-                          .own = own,
-                          .takes_image = std::ranges::any_of(workload.inputs, is_picture)});
-    workloads_.back().runs_on = units_of(workloads_.back());
-  };
-  for (const std::string& name : options_.workloads) add(find_workload(name), nullptr, name);
-  for (Workload& made : options_.made) {
-    if (options_.profile && !try_find_spec(made.name)) {
-      throw_bad_input(
-          "workload '" + made.name +
-          "' is none of the catalogue's, so that the profile has no rows of it; give it "
-          "the name of the one whose rows it shall have");
-    }
-    const std::string name = made.name;
-    if (options_.profile) made.name = name_of_rows(made);
-    add(own_->emplace_back(std::move(made)), nullptr, name);
+    if (file->workloads.empty()) file->workloads = std::move(names);
   }
-  for (const OwnWorkload& own : options_.own) {
-    if (own.kernels.empty()) throw_bad_input("workload '" + own.name + "' has no kernel");
-    Workload& workload = own_->emplace_back(own.known_as != nullptr ? *own.known_as : Workload{});
-    workload.name = own.name;
-    workload.inputs = own.inputs;
-    workload.outputs = own.outputs;
-    add(workload, &own, own.name);
+}
+
+void Runtime::Engine::list_workload(const Workload& workload, const OwnWorkload* own,
+                                    const std::string& name) {
+  if (!names_.emplace(name, workloads_.size()).second) {
+    throw_bad_input("workload '" + name + "' is given twice");
+  }
+  check_code_is_here(workload);
+  workloads_.push_back({.workload = &workload,
+                        .own = own,
+                        .takes_image = std::ranges::any_of(workload.inputs, is_picture)});
+  workloads_.back().runs_on = units_of(workloads_.back());
+}
+
+void Runtime::Engine::list_workload(Workload& made) {
+  if (options_.profile && !try_find_spec(made.name)) {
+    throw_bad_input("workload '" + made.name +
+                    "' is none of the catalogue's, so that the profile has no rows of it; give it "
+                    "the name of the one whose rows it shall have");
+  }
+  const std::string name = made.name;
+  if (options_.profile) made.name = name_of_rows(made);
+  list_workload(own_->emplace_back(std::move(made)), nullptr, name);
+}
+
+void Runtime::Engine::list_workload(const OwnWorkload& own) {
+  if (own.kernels.empty()) throw_bad_input("workload '" + own.name + "' has no kernel");
+  Workload& workload = own_->emplace_back(own.known_as != nullptr ? *own.known_as : Workload{});
+  workload.name = own.name;
+  workload.inputs = own.inputs;
+  workload.outputs = own.outputs;
+  list_workload(workload, &own, own.name);
+}
+
+void Runtime::Engine::list_workloads() {
+  load_files();
+  const auto by_name = [this](const std::string& name) {
+    list_workload(find_workload(name), nullptr, name);
+  };
+  for (ServedWorkload& served : options_.workloads) {
+    if (const auto* const name = std::get_if<std::string>(&served)) by_name(*name);
+    if (const auto* const file = std::get_if<WorkloadFile>(&served)) {
+      std::ranges::for_each(file->workloads, by_name);
+    }
+    if (auto* const made = std::get_if<Workload>(&served)) list_workload(*made);
+    if (const auto* const own = std::get_if<OwnWorkload>(&served)) list_workload(*own);
   }
   if (workloads_.empty()) throw_bad_input("a runtime needs workloads: name them in its options");
 }

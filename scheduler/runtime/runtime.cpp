@@ -1,14 +1,11 @@
 #include "scheduler/runtime/runtime.h"
 
-#include <set>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
-#include "characterize/profile/own_rows.h"
 #include "scheduler/runtime/engine.h"
 #include "workloads/base/error.h"
-#include "workloads/catalog/own_files.h"
 #include "workloads/model/slices.h"
 
 namespace pirt {
@@ -67,16 +64,7 @@ std::string TaskFuture::problem() const { return end() ? task_->problem : ""; }
 
 std::stop_token stop_of_this_call() { return stop_of_call(); }
 
-Runtime::Runtime(RuntimeOptions options) {
-  for (const std::string& file : options.files) {
-    std::set<std::string> names;
-    const auto loaded = load_workloads(file);
-    for (const own::Definition& each : loaded) names.insert(each.name);
-    if (!options.profile) continue;
-    static_cast<void>(doubt_changed(*options.profile, names, loaded.front().digest));
-  }
-  engine_ = std::make_unique<Engine>(std::move(options));
-}
+Runtime::Runtime(RuntimeOptions options) : engine_(std::make_unique<Engine>(std::move(options))) {}
 Runtime::~Runtime() = default;
 
 TaskFuture Runtime::submit(WorkloadHandle workload, std::vector<TaskInput> inputs,

@@ -37,6 +37,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "characterize/platform/platform.h"
@@ -177,24 +178,34 @@ struct OwnWorkload {
   std::shared_ptr<const Workload> known_as = {};
 };
 
+/// A module or a workload file (workloads/own).
+struct WorkloadFile {
+  std::string path;
+  /// Of its workloads, also in sizes of one's own ("mine.sobel@1280x720"). Empty = all, in the size
+  /// that they have by themselves.
+  std::vector<std::string> workloads = {};
+};
+
+/// What a runtime serves, by
+///   a name: of the catalogue or of a file that is loaded, also in a size of one's own
+///   ("sobel@1280x720");
+///   WorkloadFile: what that defines;
+///   Workload: of the catalogue's kinds, made otherwise. Those whose state has the same name share
+///   it, and take turns; the first one's beginning counts. A profile's rows are found by their
+///   names: of a workload on pictures of another size than the name's, by that size's
+///   (sobel@1280x720);
+///   OwnWorkload: a function of one's own.
+using ServedWorkload = std::variant<std::string, WorkloadFile, Workload, OwnWorkload>;
+
 struct RuntimeOptions {
   /// Its units with a backend are used, and others for which some workload has a kernel.
   Platform platform = load_platform("host");
   /// Measured on the platform. Absent = all units count as equally fast; with one, a unit serves
   /// what it has a usable row of.
   std::optional<Profile> profile = {};
-  bool strict = false;       ///< Rows that are doubted are not used.
-  std::string mode = "ect";  ///< Any that plans nothing ahead (pirt list modes).
-  /// Modules and workload files of one's own (workloads/own), loaded before anything else.
-  std::vector<std::string> files = {};
-  /// Of the catalogue or the files, that will be submitted; also for sizes of one's own
-  /// ("sobel@1280x720").
-  std::vector<std::string> workloads = {};
-  /// Of the catalogue's kinds, made otherwise. Those whose state has the same name share it, and
-  /// take turns; the first one's beginning counts. A profile's rows are found by their names: of a
-  /// workload on pictures of another size than the name's, by that size's (sobel@1280x720).
-  std::vector<Workload> made = {};
-  std::vector<OwnWorkload> own = {};
+  bool strict = false;                         ///< Rows that are doubted are not used.
+  std::string mode = "ect";                    ///< Any that plans nothing ahead (pirt list modes).
+  std::vector<ServedWorkload> workloads = {};  ///< That will be submitted.
   bool prepare_first = true;  ///< Else each kernel is prepared when its first task runs.
   /// By workload: inputs of the call that ends its preparation, for kernels that keep what they
   /// made of an input as long as it comes again (plan_path's map). Absent = generated ones.

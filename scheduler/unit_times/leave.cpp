@@ -49,10 +49,10 @@ std::vector<Nanos> measure_leave(const std::vector<int>& cores, int samples) {
       times.push_back(clock.now() - before);
     }
   };
-  options.own.push_back(
-      {.name = "let_in", .inputs = {}, .outputs = {}, .kernels = {{kUnit, nothing}}});
-  options.own.push_back(
-      {.name = "outer", .inputs = {}, .outputs = {}, .kernels = {{kUnit, outer}}});
+  options.workloads.emplace_back(
+      OwnWorkload{.name = "let_in", .inputs = {}, .outputs = {}, .kernels = {{kUnit, nothing}}});
+  options.workloads.emplace_back(
+      OwnWorkload{.name = "outer", .inputs = {}, .outputs = {}, .kernels = {{kUnit, outer}}});
   Runtime runtime(std::move(options));
   running = &runtime;
   static_cast<void>(runtime.submit("outer", {}, {}));

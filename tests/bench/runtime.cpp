@@ -18,6 +18,7 @@
 #include <map>
 #include <string>
 #include <thread>
+#include <variant>
 #include <vector>
 
 #include "scheduler/runtime/threads.h"
@@ -43,8 +44,8 @@ units:
                                           {}, 2);
   options.mode = mode;
   const auto nothing = [](std::span<const pirt::Tensor>, std::span<pirt::Tensor>) {};
-  options.own.push_back(
-      {.name = "empty", .inputs = {}, .outputs = {}, .kernels = {{"cpu", nothing}}});
+  options.workloads.emplace_back(pirt::OwnWorkload{
+      .name = "empty", .inputs = {}, .outputs = {}, .kernels = {{"cpu", nothing}}});
   return options;
 }
 
@@ -94,7 +95,8 @@ WakeUps wake_ups(std::chrono::microseconds sleep, int samples) {
   auto options = two_units("olb");
   options.spin = pirt::Nanos(0);
   Clock::time_point begun;
-  options.own.front().kernels = {{"cpu", [&](auto, auto) { begun = Clock::now(); }}};
+  std::get<pirt::OwnWorkload>(options.workloads.front()).kernels = {
+      {"cpu", [&](auto, auto) { begun = Clock::now(); }}};
   pirt::Runtime runtime(std::move(options));
   const auto task = runtime.workload("empty");
 

@@ -56,10 +56,10 @@ units: {cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}}
       left.push_back(in_us(Clock::now() - before));
     }
   };
-  options.own.push_back(
-      {.name = "empty", .inputs = {}, .outputs = {}, .kernels = {{"cpu", nothing}}});
-  options.own.push_back(
-      {.name = "sliced", .inputs = {}, .outputs = {}, .kernels = {{"cpu", sliced}}});
+  options.workloads.emplace_back(pirt::OwnWorkload{
+      .name = "empty", .inputs = {}, .outputs = {}, .kernels = {{"cpu", nothing}}});
+  options.workloads.emplace_back(pirt::OwnWorkload{
+      .name = "sliced", .inputs = {}, .outputs = {}, .kernels = {{"cpu", sliced}}});
   {
     pirt::Runtime runtime(std::move(options));
     running = &runtime;

@@ -108,8 +108,8 @@ units:
                                             {}, 2);
     options.mode = mode;
     const auto nothing = [](std::span<const pirt::Tensor>, std::span<pirt::Tensor>) {};
-    options.own.push_back(
-        {.name = "empty", .inputs = {}, .outputs = {}, .kernels = {{"cpu", nothing}}});
+    options.workloads.emplace_back(pirt::OwnWorkload{
+        .name = "empty", .inputs = {}, .outputs = {}, .kernels = {{"cpu", nothing}}});
     const auto runtime = std::make_shared<pirt::Runtime>(std::move(options));
     return [=] {
       std::atomic<int> heard = 0;

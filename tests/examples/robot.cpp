@@ -57,8 +57,8 @@ int main(int argc, char** argv) try {
 
   pirt::RuntimeOptions options;
   if (argc > 2) options.platform = pirt::load_platform(argv[2]);
-  options.workloads = {"undistort", "gaussian_blur", "feature_detect"};
-  options.own.push_back(make_steering(detect.outputs[0]));
+  options.workloads = {"undistort", "gaussian_blur", "feature_detect",
+                       make_steering(detect.outputs[0])};
   options.progress = [](const std::string& line) { std::printf("%s\n", line.c_str()); };
   options.time_limit = 5s;  // Without a profile nobody knows what the others take.
   pirt::Runtime runtime(std::move(options));

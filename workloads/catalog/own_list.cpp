@@ -48,7 +48,7 @@ void check_code_is_here(const Workload& workload) {
   const OwnOperation* const own = own_operation(workload);
   if (own == nullptr || workload.make_data) return;
   throw_bad_input("to compute '" + workload.name + "' takes its code; give it with --workloads " +
-                  own->source + " (RuntimeOptions::files)");
+                  own->source + " (RuntimeOptions::workloads)");
 }
 
 std::vector<const Workload*> own_workloads() {

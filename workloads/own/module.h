@@ -3,7 +3,7 @@
  *
  * A module is a shared library with one function, pirt_module_v1(), which returns a table of
  * workloads. pirt loads it where it measures or runs them (`--workloads libmine.so`,
- * RuntimeOptions::files), with RTLD_LOCAL, and never unloads it.
+ * RuntimeOptions::workloads), with RTLD_LOCAL, and never unloads it.
  *
  * The rules:
  * - Each struct begins with its size and PIRT_MODULE_VERSION: PIRT_HEAD(pirt_workload). A later

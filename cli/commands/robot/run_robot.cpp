@@ -91,7 +91,8 @@ RuntimeOptions runtime_options(const RunRobotFlags& options) {
     const auto names = known_of(file);
     warn(fmt::format(
         "--workloads: a robot's steps are pirt's own, and none of {} is computed here; a mix has "
-        "them beside others (pirt schedule --live), or a program of yours (RuntimeOptions::files)",
+        "them beside others (pirt schedule --live), or a program of yours "
+        "(RuntimeOptions::workloads)",
         join(std::vector(names.begin(), names.end()), ", ")));
   }
   auto read = read_platform(platform, options.profile, parse_overrides(options.settings), own);

@@ -60,7 +60,7 @@ TEST(Runtime, TasksAfterOneThatIsLongOverAreInTheTraceToo) {
 TEST(Runtime, APictureIsOneForTheModesThatAsk) {
   const ScratchFolder folder;
   RuntimeOptions options = options_with({adding()});
-  options.workloads = {"sobel"};
+  options.workloads.emplace_back("sobel");
   options.trace = (folder.path() / "trace.json").string();
   Runtime runtime(options);
   Tensor picture(find_workload("sobel").inputs[0]);

@@ -42,7 +42,7 @@ TEST(Runtime, PreparesWithInputsLikeThoseToCome) {
   const auto given = std::make_shared<std::vector<double>>();
   const auto options_for = [&](const char* name, std::vector<Tensor> inputs) {
     RuntimeOptions options = options_with({adding()}, kOneUnit);
-    options.made = {doubling(given)};
+    options.workloads.emplace_back(doubling(given));
     options.first_inputs[name] = std::make_shared<const std::vector<Tensor>>(std::move(inputs));
     return options;
   };
@@ -99,8 +99,8 @@ TEST(Runtime, WithAProfileUnitsServeWhatTheyHaveValidRowsOf) {
   const auto options_for = [](Profile profile, std::vector<Workload> made = {}) {
     RuntimeOptions options = options_with({adding()});
     options.profile = std::move(profile);
-    options.workloads = {"sobel"};
-    options.made = std::move(made);
+    options.workloads.emplace_back("sobel");
+    std::ranges::move(made, std::back_inserter(options.workloads));
     return options;
   };
   {
@@ -127,7 +127,7 @@ TEST(Runtime, NeverTakesTheRowsOfAnotherSize) {
   const auto options_for = [](Profile profile) {
     RuntimeOptions options = options_with({});
     options.profile = std::move(profile);
-    options.made = {vision::make_sobel(64, 48)};
+    options.workloads = {vision::make_sobel(64, 48)};
     return options;
   };
   EXPECT_THAT(refusal(options_for(profile_of_sobel(true, true))),
@@ -142,17 +142,21 @@ TEST(Runtime, NeverTakesTheRowsOfAnotherSize) {
 
 TEST(Runtime, ServesWorkloadsOfFiles) {
   RuntimeOptions options = options_with({});
-  options.files = {test::kExampleModule};
-  options.workloads = {"mine.sobel@64x48", "sobel@64x48"};
+  options.workloads = {"sobel@64x48", "mine.sobel@32x24",
+                       WorkloadFile{test::kExampleModule, {"mine.sobel@64x48"}}};
   Runtime runtime(std::move(options));
+  EXPECT_NO_THROW(static_cast<void>(runtime.workload("mine.sobel@32x24")));
+  EXPECT_THAT(bad_input([&] { static_cast<void>(runtime.workload("mine.sobel")); }),
+              HasSubstr("mine.sobel"));
   const auto images = generated_images(1);
   const Data data = vision::make_sobel(64, 48).make_data({.seed = 1, .images = images.get()});
   const auto mine = runtime.submit("mine.sobel@64x48", {data.inputs[0]});
   const auto theirs = runtime.submit("sobel@64x48", {data.inputs[0]});
   EXPECT_TRUE(verify_exact(mine.get(), theirs.get()).ok);
+  Runtime all(options_with({WorkloadFile{test::kExampleModule}}));
+  EXPECT_NO_THROW(static_cast<void>(all.workload("mine.sobel")));
   RuntimeOptions absent = options_with({});
-  absent.files = {"/no/such/libmine.so"};
-  absent.workloads = {"sobel"};
+  absent.workloads = {"sobel", WorkloadFile{"/no/such/libmine.so"}};
   EXPECT_THAT(refusal(std::move(absent)), HasSubstr("libmine.so"));
 }
 
@@ -179,7 +183,7 @@ TEST(Runtime, TasksOfAStateHoldItOneAtATimeInOrder) {
 
 TEST(Runtime, WorkloadsOfOwnSizesShareAStateByItsName) {
   RuntimeOptions options = options_with({});
-  options.made = {background("even", 40, 30), background("odd", 40, 30)};
+  options.workloads = {background("even", 40, 30), background("odd", 40, 30)};
   Runtime runtime(std::move(options));
   const Workload model = background("both", 40, 30);
   const auto images = generated_images(1);
@@ -200,7 +204,7 @@ TEST(Runtime, WorkloadsOfOwnSizesShareAStateByItsName) {
               HasSubstr("foreground"));
   EXPECT_THAT(bad_input([&] {
                 auto other = options_with({});
-                other.made = {background("small", 40, 30), background("large", 80, 60)};
+                other.workloads = {background("small", 40, 30), background("large", 80, 60)};
                 const Runtime refused(std::move(other));
               }),
               HasSubstr("small and large"));
@@ -231,11 +235,12 @@ TEST(Runtime, RefusesOptionsThatMakeNoSense) {
   EXPECT_THAT(refusal(options), HasSubstr("gaussian_blur"));
   options.workloads = {"sobel", "sobel"};
   EXPECT_THAT(refusal(options), HasSubstr("twice"));
-  options.workloads = {};
+  options.workloads = {adding()};
   options.most_tasks = 0;
   EXPECT_THAT(refusal(options), HasSubstr("most_tasks"));
   options.most_tasks = 1;
-  options.own[0].kernels = {{"npu", [](std::span<const Tensor>, std::span<Tensor>) {}}};
+  std::get<OwnWorkload>(options.workloads[0]).kernels = {
+      {"npu", [](std::span<const Tensor>, std::span<Tensor>) {}}};
   EXPECT_THAT(refusal(options),
               HasSubstr("two can run add (cpu: no kernel was given for it; gpu: "));
 }

@@ -50,10 +50,11 @@ inline OwnWorkload adding() {
   });
 }
 
-inline RuntimeOptions options_with(std::vector<OwnWorkload> own, const char* platform = kTwoUnits) {
+inline RuntimeOptions options_with(std::vector<ServedWorkload> served,
+                                   const char* platform = kTwoUnits) {
   RuntimeOptions options;
   options.platform = parse_platform("test.yaml", platform, {}, 2);
-  options.own = std::move(own);
+  options.workloads = std::move(served);
   return options;
 }
 

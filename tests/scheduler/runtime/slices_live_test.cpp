@@ -35,10 +35,10 @@ OwnWorkload own(const std::string& name, Function function) {
           .kernels = {{"cpu", [function = std::move(function)](auto, auto) { function(); }}}};
 }
 
-RuntimeOptions options_with(std::vector<OwnWorkload> own, std::optional<bool> slices = true) {
+RuntimeOptions options_with(std::vector<ServedWorkload> served, std::optional<bool> slices = true) {
   RuntimeOptions options;
   options.platform = parse_platform("test.yaml", kOneUnit, {}, 2);
-  options.own = std::move(own);
+  options.workloads = std::move(served);
   options.mode = "edf";
   options.slices = slices;
   return options;

@@ -15,7 +15,8 @@ Nanos awake_for(const std::string& key, Nanos spin) {
   options.platform = parse_platform(
       "p.yaml", "platform: one\nunits: {cpu: {backend: cpu, cores: all, active_w: 1" + key + "}}\n",
       {}, 1);
-  options.own = {{.name = "nothing",
+  options.workloads = {
+      OwnWorkload{.name = "nothing",
                   .inputs = {},
                   .outputs = {{.name = "out", .element = Element::kF64, .shape = {1}}},
                   .kernels = {{"cpu", [](std::span<const Tensor>, std::span<Tensor>) {}}}}};

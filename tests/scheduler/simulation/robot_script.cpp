@@ -121,10 +121,10 @@ class Robot {
         };
         if (random_.below(2) == 0) own.expected[unit.name] = milliseconds(1);
       }
-      options.own.push_back(std::move(own));
+      options.workloads.emplace_back(std::move(own));
     }
     for (const char* name : {kCounter, kOther}) {
-      options.made.push_back(make_scripted(name, 1, "count"));
+      options.workloads.emplace_back(make_scripted(name, 1, "count"));
     }
     options.prepare_first = random_.below(4) != 0;
     if (random_.below(2) == 0) options.slices = true;
