@@ -55,6 +55,11 @@ std::string complaint(const ProfileDiff& diff, const PhasePair& pair) {
   return "";
 }
 
+bool is_clock_bound(const PhaseRow& row) {
+  return std::ranges::any_of(
+      row.reasons, [](const std::string& reason) { return reason.starts_with("clock_bound"); });
+}
+
 /// A wrong output, or an error; empty if it has neither.
 std::string failure_of(const PhaseRow& row) {
   for (const auto& reason : row.reasons) {
@@ -101,6 +106,7 @@ void compare_counts(const PhasePair& pair, GateRow& row) {
 /// What a row may have moved by without a program's doing: logarithms of candidate over base.
 struct Allowance {
   double slower = 0, faster = 0;  ///< At least 0, at most 0.
+  double scatter = 0;             ///< Either way, of a row alone: by so much rows differ anyway.
   void add(double shift) {
     slower = std::max(slower, shift);
     faster = std::min(faster, shift);
@@ -166,8 +172,10 @@ void weigh(const Estimate& base, const Estimate& candidate, const Allowance& all
   row.at_most = std::expm1(change + widths);
   const double effect = std::log1p(*row.needed);
   const double half = std::log1p(*row.needed / 2);
-  const bool slower = change - allowed.slower >= effect && least - allowed.slower >= half;
-  const bool faster = change - allowed.faster <= -effect && most - allowed.faster <= -half;
+  const bool slower = change - allowed.slower >= effect && least - allowed.slower >= half &&
+                      change >= allowed.scatter;
+  const bool faster = change - allowed.faster <= -effect && most - allowed.faster <= -half &&
+                      change <= -allowed.scatter;
   if (doubt.empty() && slower) {
     row.verdict = GateVerdict::kSlower;
   } else if (doubt.empty() && faster) {
@@ -178,6 +186,12 @@ void weigh(const Estimate& base, const Estimate& candidate, const Allowance& all
     row.verdict = GateVerdict::kUndecided;
     row.reason =
         !doubt.empty() ? doubt
+        : std::abs(change) < allowed.scatter && std::max(least, -most) > 0
+            ? fmt::format(
+                  "{:+.1f} %, where rows of the unit differ from run to run so that {:.1f} "
+                  "% are nothing; measure where less else runs, or side by side: "
+                  "--baseline-program",
+                  percent_of(change), percent_of(allowed.scatter))
         : least > 0
             ? fmt::format(
                   "{:.1f} % more, where {:.1f} % count; up to {:.1f} % may be the machine's",
@@ -222,12 +236,17 @@ class Movements {
       workloads[family_of(*pair.a)].insert(pair.a->workload);
     }
     for (auto& [family, moved] : changes) {
-      if (workloads[family].size() >= thresholds.workloads) add_together(family, moved, thresholds);
+      if (workloads[family].size() < thresholds.workloads) continue;
+      std::ranges::sort(moved);
+      add_scatter(family, moved, thresholds);
+      add_together(family, moved, thresholds);
     }
   }
 
   [[nodiscard]] Allowance allowance_for(const PhaseRow& row) const {
     Allowance allowed = peaks_of(row.unit);
+    const auto scatter = scatter_.find(family_of(row));
+    if (scatter != scatter_.end()) allowed.scatter = scatter->second;
     const auto together = together_.find(family_of(row));
     if (together != together_.end()) allowed.add(together->second);
     return allowed;
@@ -253,10 +272,27 @@ class Movements {
     return found == peaks_.end() ? Allowance{} : found->second;
   }
 
+  /// An interval over the processes of one run knows nothing of what the machine will be like in
+  /// another one. Rows that nobody changed do: by the narrowest range that holds half of all, which
+  /// those that were changed do not widen.
+  /// @param moved  Sorted.
+  /// @source  The shorth: Rousseeuw and Leroy, A robust scale estimator based on the shortest half,
+  /// Statistica Neerlandica 42, 1988.
+  void add_scatter(const Family& family, const std::vector<double>& moved,
+                   const GateThresholds& thresholds) {
+    constexpr double kOfNormal = 1.4826;  // The standard deviation of normal values, of half of it.
+    const std::size_t half = moved.size() / 2;
+    double narrowest = moved.back() - moved.front();
+    for (std::size_t i = 0; i + half < moved.size(); ++i) {
+      narrowest = std::min(narrowest, moved[i + half] - moved[i]);
+    }
+    scatter_[family] = thresholds.scatter * kOfNormal * narrowest / 2;
+  }
+
   /// What three quarters of the rows moved by at least, beyond the peaks.
-  void add_together(const Family& family, std::vector<double>& moved,
+  /// @param moved  Sorted.
+  void add_together(const Family& family, const std::vector<double>& moved,
                     const GateThresholds& thresholds) {
-    std::ranges::sort(moved);
     const std::size_t quarter = moved.size() / 4;
     const Allowance peaks = peaks_of(family.first);
     const double more = moved[quarter];
@@ -288,7 +324,7 @@ class Movements {
   const ProfileDiff& diff_;
   std::vector<MachineShift> machine_;
   std::map<std::string, Allowance> peaks_;  ///< By unit.
-  std::map<Family, double> together_;
+  std::map<Family, double> together_, scatter_;
   std::vector<GateRow> rows_;
 };
 
@@ -314,6 +350,11 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const Movements&
   if (!base.unknown().empty() && base.unknown() == candidate.unknown()) {
     row.verdict = GateVerdict::kNotJudged;
     row.reason = "unknown on both sides: " + base.unknown();
+    return row;
+  }
+  if (is_clock_bound(base) && is_clock_bound(candidate)) {
+    row.verdict = GateVerdict::kNotJudged;
+    row.reason = "shorter than the clock can tell";
     return row;
   }
   if (fails(base, candidate, row)) return row;

@@ -12,6 +12,10 @@
 // program's, and no stored figure says whose: one row says so, which is inconclusive, and the rows
 // that moved no further are undecided. Two programs side by side tell (`--baseline-program`).
 //
+// An interval is over the processes of one run, a few seconds of it, and knows nothing of how the
+// machine differs from run to run. How far the other rows of the unit moved from each other does:
+// what moved less than eight standard deviations of that is undecided.
+//
 // A median is blind to a few calls that take long: cells of enough samples have a row `call tail`
 // as well, the share of calls above a multiple of the base's median.
 //
@@ -49,7 +53,8 @@ struct GateThresholds {
   double setup = 2;      ///< Of set-ups, which a process has one of, so many times that;
   Nanos setup_grain = std::chrono::milliseconds(1);  ///< and at least this.
   double of_call = 0.5;  ///< A phase counts if it makes its call longer by this part of `effect`.
-  std::size_t workloads = 6;        ///< Of so many a unit's rows tell what they moved by together.
+  std::size_t workloads = 6;        ///< Of so many a unit's rows tell what they moved by together,
+  double scatter = 8;               ///< and how far apart; so many times that is nothing.
   double together = 0.05;           ///< From here on that is said; of set-ups twice as much.
   std::int64_t tail_samples = 200;  ///< A side.
   double tail_multiple = 3;         ///< Of the base's median.

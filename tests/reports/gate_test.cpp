@@ -434,6 +434,43 @@ Profile on_slower_machine(std::uint64_t seed, double factor, double slower = 1) 
   return profile;
 }
 
+TEST(TableGate, WhereRowsDifferFromRunToRunOneThatDoesIsNothing) {
+  // Each workload has met another machine in each run, whose processes agree with each other.
+  const auto run_of = [](std::uint64_t seed, double slower) {
+    Profile profile = simulated_run(seed, slower);
+    Random random(seed);
+    for (PhaseRow& row : profile.phases) {
+      const double factor = 0.8 + 0.4 * (static_cast<double>(random.next() >> 11) * 0x1p-53);
+      for (Nanos& value : row.values) value = scaled(value, factor);
+      summarize_row(row);
+    }
+    return profile;
+  };
+  const auto result = judge_both(run_of(1, 1), run_of(2, 1));
+  EXPECT_EQ(result.count(GateVerdict::kSlower), 0);
+  EXPECT_EQ(exit_code_of(result), 0);
+  const auto undecided = std::ranges::find_if(result.rows, [](const GateRow& row) {
+    return row.reason.find("differ from run to run") != std::string::npos;
+  });
+  ASSERT_NE(undecided, result.rows.end());
+  EXPECT_EQ(undecided->verdict, GateVerdict::kUndecided);
+  EXPECT_EQ(exit_code_of(judge_both(run_of(1, 1), run_of(2, 8))), 1) << "eight times is something";
+}
+
+TEST(TableGate, WhatTheClockCannotTellOnEitherSideIsNotJudged) {
+  Machine machine(0.005, 0.01, 1);
+  PhaseRow bound = machine.row("fc8", 5);
+  bound.reasons = {"clock_bound"};
+  const Profile base = profile_of({machine.row("sobel", 10), bound});
+  const auto result = judge_both(base, base);
+  EXPECT_EQ(result.rows[1].verdict, GateVerdict::kNotJudged);
+  EXPECT_EQ(exit_code_of(result), 0);
+  PhaseRow told = bound;
+  told.reasons.clear();
+  const auto one = judge_both(base, profile_of({machine.row("sobel", 10), told}));
+  EXPECT_EQ(one.rows[1].verdict, GateVerdict::kNotComparable);
+}
+
 TEST(TableGate, WhatAllRowsMovedByIsOneRowAndNobodysForSure) {
   const Profile base = simulated_run(1, 1);
   const auto find = [](const GateResult& result, const std::string& workload) {
