@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <span>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
@@ -29,12 +30,16 @@ ProcessRequest request_of(const std::vector<std::string>& words, const DuetComma
 
 Ledger::Event command_key(const std::vector<std::string>& words) {
   Ledger::Event contents = Ledger::Event::array();
-  for (std::size_t i = 0; i < words.size(); ++i) {
-    const auto path = i == 0 ? find_program(words[i]) : std::filesystem::path(words[i]);
-    std::error_code ignored;
-    if (std::filesystem::is_regular_file(path, ignored)) contents.push_back(content_key(path));
+  for (const std::string& word : std::span(words).subspan(1)) {
+    // "x.yaml", "--config=x.yaml"
+    for (const std::string& path : {word, word.substr(word.find('=') + 1)}) {
+      std::error_code ignored;
+      if (!std::filesystem::is_regular_file(path, ignored)) continue;
+      contents.push_back(content_key(path));
+      break;
+    }
   }
-  return {{"words", words}, {"files", contents}};
+  return {{"words", words}, {"program", built_key(find_program(words[0]))}, {"files", contents}};
 }
 
 /// "5 s", "1 min", "2 h".
@@ -68,7 +73,9 @@ void run_setup(const DuetCommands& commands) {
 }
 
 TakeSample command_samples(const DuetCommands& commands, const DuetComparison& comparison) {
-  return [commands, &comparison](Side side, const DuetCell&, SampleKind kind) {
+  return [commands, &comparison](Side side, const DuetCell&, SampleKind kind, Nanos most) {
+    const MachineClock clock;
+    const Nanos begin = clock.now();
     const bool baseline = side == Side::kBaseline;
     ProcessRequest request =
         request_of(baseline ? commands.baseline : commands.candidate, commands);
@@ -76,7 +83,8 @@ TakeSample command_samples(const DuetCommands& commands, const DuetComparison& c
     request.arguments.insert(request.arguments.end(), more.begin(), more.end());
     SampleOutcome outcome;
     for (int left = kind == SampleKind::kVerified ? commands.warm_up : 1; left > 0; --left) {
-      outcome = run_sample(request, *commands.reader);
+      outcome =
+          run_sample(request, *commands.reader, std::max(most - (clock.now() - begin), Nanos(0)));
       if (!outcome.sample) break;
     }
     return outcome;

@@ -51,6 +51,13 @@ std::optional<std::array<double, 4>> times_of(const std::vector<Seconds>& second
   return times;
 }
 
+/// "ms, lower is better".
+std::string measure_text(const Sample& sample, const std::string& figure) {
+  const auto found = sample.measures.find(figure);
+  const Measure measure = found == sample.measures.end() ? Measure{"s"} : found->second;
+  return measure.unit + (measure.higher_is_better ? ", higher is better" : ", lower is better");
+}
+
 bool is_part_of_call(const std::string& phase) {
   return phase == "upload" || phase == "launch" || phase == "download";
 }
@@ -204,19 +211,28 @@ void DuetComparison::check(DuetCellState& state, const Event& event) {
   if (sample.right == false) state.failures[index_of(side)] = "wrong output, " + sample.detail;
   state.checks[index_of(side)] = sample;
   if (!state.checks[0] || !state.checks[1]) return;
-  const auto compare = [&](const char* what, const std::string& a, const std::string& b) {
+  const auto compare = [&](const std::string& what, const std::string& a, const std::string& b) {
     if (a != b) state.not_comparable = fmt::format("{}: {} against {}", what, a, b);
   };
   compare("device", state.checks[0]->device, state.checks[1]->device);
   compare("input data", state.checks[0]->inputs, state.checks[1]->inputs);
-  for (const auto& [name, measure] : state.checks[0]->measures) {
-    const auto other = state.checks[1]->measures.find(name);
-    if (other == state.checks[1]->measures.end()) continue;
-    const auto text = [](const Measure& each) {
-      return each.unit + (each.higher_is_better ? ", higher is better" : ", lower is better");
-    };
-    compare(("figure " + name).c_str(), text(measure), text(other->second));
+  for (const auto& [name, unused] : state.checks[0]->seconds) {
+    if (!state.checks[1]->seconds.contains(name)) continue;
+    compare("figure " + name, measure_text(*state.checks[0], name),
+            measure_text(*state.checks[1], name));
   }
+}
+
+std::string DuetComparison::unlike_first(const DuetStep& step, Side side,
+                                         const Sample& sample) const {
+  const auto& first = cells_[step.cell].checks[index_of(side)];
+  if (!first) return "";
+  for (const auto& [name, unused] : sample.seconds) {
+    if (!first->seconds.contains(name)) continue;
+    const std::string before = measure_text(*first, name), now = measure_text(sample, name);
+    if (before != now) return fmt::format("figure {}: {}, and {} before", name, now, before);
+  }
+  return "";
 }
 
 void DuetComparison::block(DuetCellState& state, const Event& event) {

@@ -74,6 +74,10 @@ class DuetComparison {
   /// The event of a step whose processes all answered.
   /// @param samples  As long as step.order.
   [[nodiscard]] Event event_of(const DuetStep& step, const std::vector<Sample>& samples) const;
+  /// Why a sample cannot stand beside the side's first one: a figure in another unit or direction;
+  /// empty = it can.
+  [[nodiscard]] std::string unlike_first(const DuetStep& step, Side side,
+                                         const Sample& sample) const;
   [[nodiscard]] Event failure_of(const DuetStep& step, Side side, const std::string& error) const;
   /// @throws Error{kBadInput} if it is none of the events above, or of no cell of this comparison.
   void apply(const Event& event);

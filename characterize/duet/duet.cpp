@@ -30,14 +30,14 @@ class Programs {
  public:
   explicit Programs(DuetPrograms programs) : programs_(std::move(programs)) {}
 
-  SampleOutcome take(Side side, const DuetCell& cell, SampleKind kind) const {
+  SampleOutcome take(Side side, const DuetCell& cell, SampleKind kind, Nanos most) const {
     ProcessRequest request;
     request.program = side == Side::kBaseline ? programs_.baseline : programs_.candidate;
     request.arguments = arguments(side, cell, kind);
     request.environment = environment(side, cell);
     request.limit = programs_.limit;
     request.stop = programs_.stop;
-    return run_sample(request, find_reader("pirt"));
+    return run_sample(request, find_reader("pirt"), most);
   }
 
  private:
@@ -94,6 +94,7 @@ class DuetRun {
       while (const auto step = begin(lane)) {
         auto outcomes = take(*step);
         if (outcomes.back().stopped) return end_all(DuetEnd::kStopped);
+        if (outcomes.back().out_of_time) return end_all(DuetEnd::kOutOfTime);
         keep(*step, std::move(outcomes));
       }
     } catch (...) {
@@ -135,10 +136,16 @@ class DuetRun {
     std::vector<SampleOutcome> outcomes;
     for (const Side side : step.order) {
       const Nanos begin = clock_.now();
-      outcomes.push_back(take_(side, cell, step.sample));
+      const Nanos left =
+          limits_.time ? std::max(*limits_.time - (begin - start_), Nanos(0)) : Nanos::max();
+      outcomes.push_back(take_(side, cell, step.sample, left));
+      const auto& sample = outcomes.back().sample;
+      // Of several, such as those that warm up, the last one.
+      const Nanos took =
+          sample && sample->wall_s > 0 ? from_s(sample->wall_s) : clock_.now() - begin;
       const std::lock_guard lock(mutex_);
-      longest_ = std::max(longest_, clock_.now() - begin);
-      if (!outcomes.back().sample) break;
+      longest_ = std::max(longest_, took);
+      if (!sample) break;
     }
     return outcomes;
   }
@@ -148,15 +155,17 @@ class DuetRun {
     std::vector<Sample> samples;
     std::optional<DuetComparison::Event> event;
     for (SampleOutcome& outcome : outcomes) {
-      if (outcome.sample) {
-        samples.push_back(std::move(*outcome.sample));
-      } else {
-        event = comparison_.failure_of(step, step.order[samples.size()], outcome.error);
+      const Side side = step.order[samples.size()];
+      if (outcome.sample) outcome.error = comparison_.unlike_first(step, side, *outcome.sample);
+      if (!outcome.error.empty()) {
+        event = comparison_.failure_of(step, side, outcome.error);
+        break;
       }
+      samples.push_back(std::move(*outcome.sample));
     }
     if (!event) event = comparison_.event_of(step, samples);
+    comparison_.apply(*event);  // What it does not take does not get into the ledger.
     ledger_.append(*event);
-    comparison_.apply(*event);
   }
 
   void end_all(DuetEnd end) {
@@ -179,13 +188,14 @@ class DuetRun {
 
 }  // namespace
 
-SampleOutcome run_sample(const ProcessRequest& request, const OutputReader& reader) {
+SampleOutcome run_sample(ProcessRequest request, const OutputReader& reader, Nanos most) {
+  const bool bounded = most < request.limit;
+  request.limit = std::min(most, request.limit);
   const ProcessResult process = run_process(request);
   SampleOutcome outcome;
-  if (process.end == ProcessResult::End::kStopped) {
-    outcome.stopped = true;
-    return outcome;
-  }
+  outcome.stopped = process.end == ProcessResult::End::kStopped;
+  outcome.out_of_time = bounded && process.end == ProcessResult::End::kTimedOut;
+  if (outcome.stopped || outcome.out_of_time) return outcome;
   if (process.end != ProcessResult::End::kExited || process.code != 0) {
     const std::string words = one_line(process.diagnostics, kLastWords);
     outcome.error = how_it_ended(process, request.limit) + (words.empty() ? "" : ": " + words);
@@ -202,12 +212,18 @@ SampleOutcome run_sample(const ProcessRequest& request, const OutputReader& read
 
 TakeSample program_samples(const DuetPrograms& programs) {
   const auto runner = std::make_shared<const Programs>(programs);
-  return [runner](Side side, const DuetCell& cell, SampleKind kind) {
-    return runner->take(side, cell, kind);
+  return [runner](Side side, const DuetCell& cell, SampleKind kind, Nanos most) {
+    return runner->take(side, cell, kind, most);
   };
 }
 
 std::string content_key(const std::filesystem::path& file) {
+  constexpr std::uintmax_t kMostRead = std::uintmax_t{256} << 20;
+  const auto bytes = std::filesystem::file_size(file);
+  if (bytes > kMostRead) {  // A recording that a command names, say.
+    return fmt::format("{} bytes of {}", bytes,
+                       std::filesystem::last_write_time(file).time_since_epoch().count());
+  }
   return fmt::format("{:016x}", Hash64().add(read_file(file, kAnySize)).value());
 }
 
@@ -221,21 +237,17 @@ std::string machine_key() {
                      fact("kernel"));
 }
 
-namespace {
-
-/// A program and the libraries that were built with it, in its folder.
 Ledger::Event built_key(const std::filesystem::path& program) {
   std::map<std::string, std::string> contents;
-  for (const auto& entry : std::filesystem::directory_iterator(program.parent_path())) {
-    if (entry.path().extension() == ".so" && entry.is_regular_file()) {
-      contents[entry.path().filename()] = content_key(entry.path());
-    }
+  std::error_code ignored;  // Who may only run what is there does not see it.
+  for (const auto& entry : std::filesystem::directory_iterator(program.parent_path(), ignored)) {
+    const std::string name = entry.path().filename();
+    const bool is_library = name.ends_with(".so") || name.find(".so.") != std::string::npos;
+    if (is_library && entry.is_regular_file()) contents[name] = content_key(entry.path());
   }
   contents["program"] = content_key(program);
   return contents;
 }
-
-}  // namespace
 
 Ledger::Event ledger_key(const DuetPrograms& programs, const std::vector<DuetCell>& cells) {
   Ledger::Event names = Ledger::Event::array();

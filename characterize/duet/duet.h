@@ -16,18 +16,23 @@ namespace pirt {
 /// What one process came to: its sample, or why there is none.
 struct SampleOutcome {
   std::optional<Sample> sample;
-  std::string error;     ///< Empty with a sample, and if stopped.
-  bool stopped = false;  ///< By the user.
+  std::string error;         ///< Empty with a sample, and if stopped or out of time.
+  bool stopped = false;      ///< By the user.
+  bool out_of_time = false;  ///< It took longer than it might.
 };
 /// May be asked for samples of different units at the same time.
-using TakeSample = std::function<SampleOutcome(Side side, const DuetCell& cell, SampleKind kind)>;
+/// @param most  What it may take; whatever takes longer is ended, and is no failure of its own.
+using TakeSample =
+    std::function<SampleOutcome(Side side, const DuetCell& cell, SampleKind kind, Nanos most)>;
 
 struct OutputReader;
 struct ProcessRequest;
 inline constexpr std::size_t kLastWords = 300;  ///< Characters of stderr that a reason quotes.
 /// One process to its end, and what @p reader makes of it: an exit code that is not 0, a signal, a
 /// time limit and an output that is none of its kind are errors.
-[[nodiscard]] SampleOutcome run_sample(const ProcessRequest& request, const OutputReader& reader);
+/// @param most  As of TakeSample; request.limit is the process' own.
+[[nodiscard]] SampleOutcome run_sample(ProcessRequest request, const OutputReader& reader,
+                                       Nanos most);
 
 struct DuetPrograms {
   std::filesystem::path baseline, candidate;
@@ -46,8 +51,11 @@ struct DuetPrograms {
 /// is gone with the function.
 [[nodiscard]] TakeSample program_samples(const DuetPrograms& programs);
 
-/// Hash of a file, for a ledger. @throws Error{kBadInput} if it cannot be read.
+/// Hash of a file, for a ledger; of one above 256 MB its size and when it was written.
+/// @throws Error{kBadInput} if it cannot be read.
 [[nodiscard]] std::string content_key(const std::filesystem::path& file);
+/// A program and the libraries that were built with it, in its folder.
+[[nodiscard]] Ledger::Event built_key(const std::filesystem::path& program);
 /// The machine of a ledger: its processor, cores that may be used, and kernel.
 [[nodiscard]] std::string machine_key();
 
@@ -60,7 +68,7 @@ struct DuetPrograms {
 enum class DuetEnd : std::uint8_t { kDecided, kStopped, kOutOfTime };
 
 struct DuetLimits {
-  /// What would last longer, by the longest process so far, is not begun.
+  /// What would last longer, by the longest process so far, is not begun; what does is ended.
   std::optional<Nanos> time;
   const std::atomic<bool>* stop = nullptr;
 };

@@ -59,7 +59,13 @@ class Figures {
 
 std::vector<std::string> no_arguments(const std::vector<std::string>&) { return {}; }
 
-Sample read_pirt(const ProcessResult& process) { return sample_from_json(process.output); }
+Sample read_pirt(const ProcessResult& process) {
+  Sample sample = sample_from_json(process.output);
+  for (const auto& [phase, seconds] : sample.seconds) {
+    if (seconds < 0) throw_bad_input("'" + phase + "' is below 0, no time");
+  }
+  return sample;
+}
 
 Sample read_workload(const ProcessResult& process) {
   Sample sample = read_pirt(process);
@@ -71,9 +77,7 @@ Sample read_time(const ProcessResult& process) {
   Figures figures;
   figures.add("wall", to_s(process.wall), {"s"});
   figures.add("cpu", to_s(process.cpu), {"s"});
-  if (process.peak_bytes) {
-    figures.add("memory", static_cast<double>(*process.peak_bytes), {"bytes"});
-  }
+  figures.add("memory", static_cast<double>(process.peak_bytes), {"bytes"});
   return figures.sample();
 }
 
@@ -92,11 +96,32 @@ double seconds_in(const std::string& unit) {
   throw_bad_input("an unknown time_unit '" + unit + "'");
 }
 
+/// With null for NaN and Infinity, which Google Benchmark writes of counters that have no figure
+/// and JSON does not know.
+std::string without_nan(std::string_view text) {
+  constexpr std::array<std::string_view, 4> kNone = {"-NaN", "NaN", "-Infinity", "Infinity"};
+  std::string json;
+  bool quoted = false;
+  while (!text.empty()) {
+    const auto none = std::ranges::find_if(
+        kNone, [&](std::string_view each) { return !quoted && text.starts_with(each); });
+    const std::size_t taken = none != kNone.end()                            ? none->size()
+                              : quoted && text[0] == '\\' && text.size() > 1 ? 2
+                                                                             : 1;
+    if (taken == 1 && text[0] == '"') quoted = !quoted;
+    json += none != kNone.end() ? std::string_view("null") : text.substr(0, taken);
+    text.remove_prefix(taken);
+  }
+  return json;
+}
+
 Sample read_gbench(const ProcessResult& process) {
   // What the program prints besides stands before it.
   const auto begin = process.output.starts_with('{') ? 0 : process.output.find("\n{");
   const auto json =
-      begin == std::string::npos ? std::nullopt : try_parse_json(process.output.substr(begin));
+      begin == std::string::npos
+          ? std::nullopt
+          : try_parse_json(without_nan(std::string_view(process.output).substr(begin)));
   if (!json || !json->is_object() || !json->contains("benchmarks")) {
     throw_bad_input(fmt::format("stdout is no JSON of Google Benchmark but '{}'",
                                 one_line(process.output, 60)));

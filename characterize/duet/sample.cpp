@@ -143,7 +143,7 @@ Sample sample_from_json(const std::string& text) {
       }
     }
     for (const auto& [phase, value] : sample.seconds) {
-      if (!(std::isfinite(value) && value >= 0)) throw_bad_input(phase + " is no time");
+      if (!std::isfinite(value)) throw_bad_input(phase + " is no finite figure");
     }
     return sample;
   } catch (const std::exception& error) {

@@ -1,6 +1,7 @@
 #include "characterize/statistics/change_points.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -110,8 +111,11 @@ double creep_of(std::span<const double> values, std::span<const ChangePoint> cha
   const double variance =
       squares_around(steps, mean_of(steps)) / (2 * static_cast<double>(steps.size()));
   const double noise = std::max(std::sqrt(variance), least_noise);
-  const double limit =
-      limit_of(values.size()) * noise * std::sqrt(2 / static_cast<double>(quarter));
+  // Of a few steps the noise is hardly known: as one in 1000 values of Student's t is beyond it.
+  constexpr std::array kOfFew = {16.0, 9.0, 7.0, 6.0};
+  const double beyond =
+      values.size() - 4 < kOfFew.size() ? kOfFew[values.size() - 4] : limit_of(values.size());
+  const double limit = beyond * noise * std::sqrt(2 / static_cast<double>(quarter));
   return std::abs(rise) > limit ? rise : 0;
 }
 

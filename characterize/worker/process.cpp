@@ -28,9 +28,9 @@ namespace pirt {
 namespace {
 
 constexpr std::size_t kDiagnosticsKept = 16384;
-constexpr int kCannotStart = 127;
 constexpr int kLookEveryMs = 100;  // how often the stop flag and the limit are looked at
 constexpr int kReapEveryMs = 1;    // of a child about to be gone, on kernels that do not tell
+constexpr std::chrono::seconds kAway{2};  // who looks again so late was stopped himself
 
 [[noreturn]] void throw_system(std::string_view doing, int error) {
   throw_environment(fmt::format("cannot {}: {}; check the limits on processes and open files",
@@ -41,9 +41,9 @@ struct Pipe {
   FileDescriptor read, write;
 };
 
-Pipe make_pipe() {
+Pipe make_pipe(int flags = 0) {
   std::array<int, 2> ends{};
-  if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw_system("make a pipe", errno);
+  if (::pipe2(ends.data(), O_CLOEXEC | flags) != 0) throw_system("make a pipe", errno);
   return {FileDescriptor(ends[0]), FileDescriptor(ends[1])};
 }
 
@@ -85,8 +85,9 @@ class ChildEnvironment {
 };
 
 /// Between fork and exec; only calls that POSIX allows there.
+/// @param problem  Where the error goes if it cannot: an exit status may be a program's own.
 [[noreturn]] void become(const char* program, char* const* arguments, char* const* environment,
-                         int in, int out, int err, pid_t parent) {
+                         int in, int out, int err, int problem, pid_t parent) {
   ::setpgid(0, 0);
   begin_child(parent, STDERR_FILENO + 1);
   ::signal(SIGINT, SIG_DFL);
@@ -94,9 +95,9 @@ class ChildEnvironment {
       ::dup2(err, STDERR_FILENO) >= 0) {
     ::execve(program, arguments, environment);
   }
-  const char* const reason = ::strerrordesc_np(errno);  // strerror is not for here
-  static_cast<void>(!::write(STDERR_FILENO, reason, std::strlen(reason)));
-  ::_exit(kCannotStart);
+  const int error = errno;
+  static_cast<void>(!::write(problem, &error, sizeof error));
+  ::_exit(EXIT_FAILURE);
 }
 
 class Child {
@@ -112,16 +113,18 @@ class Child {
     const FileDescriptor input = input_file(request.input);
     Pipe out = make_pipe();
     Pipe err = make_pipe();
+    Pipe problem = make_pipe(O_NONBLOCK);
     const pid_t self = ::getpid();
     pid_ = ::fork();
     if (pid_ < 0) throw_system("start a process", errno);
     if (pid_ == 0) {
       become(words[0].c_str(), arguments.data(), environment.get(), input.get(), out.write.get(),
-             err.write.get(), self);
+             err.write.get(), problem.write.get(), self);
     }
     ::setpgid(pid_, pid_);  // also here, so that a kill right away finds the group
     out_ = std::move(out.read);
     err_ = std::move(err.read);
+    problem_ = std::move(problem.read);
     end_ = FileDescriptor(static_cast<int>(::syscall(SYS_pidfd_open, pid_, 0)));
   }
   ~Child() {
@@ -161,6 +164,12 @@ class Child {
     return info.si_pid == pid_ ? std::optional(info) : std::nullopt;
   }
 
+  /// Once it has ended: why it could not become the program, as errno; 0 = it did.
+  [[nodiscard]] int start_problem() const {
+    int error = 0;
+    return ::read(problem_.get(), &error, sizeof error) == sizeof error ? error : 0;
+  }
+
   /// Once it has ended. The C library's waitid has no place for it.
   [[nodiscard]] rusage usage() const {
     rusage used{};
@@ -179,7 +188,7 @@ class Child {
   }
 
   pid_t pid_ = -1;
-  FileDescriptor out_, err_;
+  FileDescriptor out_, err_, problem_;
   FileDescriptor end_;  ///< Readable once it has ended; none on kernels before 5.3.
 };
 
@@ -197,16 +206,9 @@ Nanos nanos_of(const timeval& time) {
   return std::chrono::seconds(time.tv_sec) + std::chrono::microseconds(time.tv_usec);
 }
 
-/// What a child of ours has resident before it becomes another program: pages that it shares with
-/// us. @source fs/exec.c, which keeps the peak of the memory that is given up.
-std::int64_t inherited_peak_bytes() {
-  return 1024 * number_of("/proc/self/status", "VmRSS", ':').value_or(0);
-}
-
-void take_usage(const rusage& used, std::int64_t inherited_bytes, ProcessResult& result) {
+void take_usage(const rusage& used, ProcessResult& result) {
   result.cpu = nanos_of(used.ru_utime) + nanos_of(used.ru_stime);
-  const std::int64_t peak_bytes = std::int64_t{used.ru_maxrss} * 1024;
-  if (peak_bytes > inherited_bytes + inherited_bytes / 50) result.peak_bytes = peak_bytes;
+  result.peak_bytes = std::int64_t{used.ru_maxrss} * 1024;
 }
 
 }  // namespace
@@ -216,7 +218,6 @@ ProcessResult run_process(const ProcessRequest& request) {
   // Of the machine and of all control groups. @source mm/oom_kill.c
   const auto killed_for_memory = [] { return number_of("/proc/vmstat", "oom_kill", ' '); };
   const auto killed_before = killed_for_memory();
-  const std::int64_t inherited_bytes = inherited_peak_bytes();
   const auto begin = SteadyClock::now();
   Child child(request);
   auto deadline = SteadyClock::now() + request.limit;
@@ -231,14 +232,17 @@ ProcessResult run_process(const ProcessRequest& request) {
       return result;  // ~Child waits for it
     }
     const std::size_t known = result.output.size();
+    const auto asked = SteadyClock::now();
     child.pump(static_cast<int>(std::min<std::int64_t>(left.count(), kLookEveryMs)), result);
+    // Where all of us were stopped, the child did not have that time.
+    if (const auto away = SteadyClock::now() - asked; away > kAway) deadline += away;
     const bool said = result.output.size() > known && request.on_output;
     if (said && request.on_output(std::string_view(result.output).substr(known))) {
       deadline = SteadyClock::now() + request.limit;
     }
   }
   result.wall = SteadyClock::now() - begin;
-  take_usage(child.usage(), inherited_bytes, result);
+  take_usage(child.usage(), result);
   drain(child, result);
   const siginfo_t info = child.ended().value();
   result.end =
@@ -246,9 +250,9 @@ ProcessResult run_process(const ProcessRequest& request) {
   result.code = info.si_status;
   result.out_of_memory = result.end == ProcessResult::End::kSignalled && result.code == SIGKILL &&
                          killed_for_memory().value_or(0) > killed_before.value_or(0);
-  if (result.code == kCannotStart && result.end == ProcessResult::End::kExited) {
-    throw_environment(fmt::format("cannot start '{}': {}; give the path of a pirt program",
-                                  request.program.string(), result.diagnostics));
+  if (const int error = child.start_problem(); error != 0) {
+    throw_environment(fmt::format("cannot start '{}': {}; give the path of a program",
+                                  request.program.string(), std::strerror(error)));
   }
   return result;
 }

@@ -35,9 +35,9 @@ struct ProcessResult {
   bool out_of_memory = false;  ///< The kernel killed it for memory.
   Nanos wall{0};               ///< From its start until it was seen to have ended.
   Nanos cpu{0};                ///< Processor time, with that of children that it waited for.
-  /// The most that it, or one of those, had resident. Absent where that is no more than this
-  /// process had when it started it, which the kernel counts as well.
-  std::optional<std::int64_t> peak_bytes;
+  /// The most that it, or one of those, had resident; no less than what this process had when it
+  /// started it, which the kernel counts as well.
+  std::int64_t peak_bytes = 0;
 };
 
 /// Runs the program to its end, or kills it and whatever it started (its process group) when the

@@ -18,7 +18,7 @@ const std::vector<DuetCell> kCells = {{"sobel", "cpu"}, {"sobel", "gpu"}};
 
 /// Steady programs: seconds of `call` by side and cell.
 TakeSample calls(std::map<std::pair<Side, std::string>, double> seconds) {
-  return [=](Side side, const DuetCell& cell, SampleKind) {
+  return [=](Side side, const DuetCell& cell, SampleKind, Nanos) {
     Sample sample;
     sample.device = "CPU";
     sample.right = true;
@@ -75,13 +75,13 @@ TEST(DuetGate, EqualProgramsPass) {
 
 TEST(DuetGate, AFailureOfTheCandidateFailsAndOfTheBaselineIsNotComparable) {
   const auto failing = [](Side which) {
-    return [=](Side side, const DuetCell& cell, SampleKind kind) {
+    return [=](Side side, const DuetCell& cell, SampleKind kind, Nanos most) {
       if (side == which && cell.unit == "gpu") {
         return SampleOutcome{.sample = {}, .error = "timed out after 60 s"};
       }
       return calls(
           {{{kA, "cpu"}, 1e-3}, {{kB, "cpu"}, 1e-3}, {{kA, "gpu"}, 1e-3}, {{kB, "gpu"}, 1e-3}})(
-          side, cell, kind);
+          side, cell, kind, most);
     };
   };
   const auto of_candidate = judged(failing(kB));

@@ -18,9 +18,6 @@ DuetCommands commands_of(const RegressOptions& options) {
   commands.baseline = shell_words(options.baseline_command);
   commands.candidate = shell_words(options.candidate_command);
   if (!options.setup_command.empty()) commands.setup = shell_words(options.setup_command);
-  for (const auto* words : {&commands.baseline, &commands.candidate, &commands.setup}) {
-    if (!words->empty()) static_cast<void>(find_program(words->front()));
-  }
   commands.reader = options.as.empty() ? &find_reader(options.reads) : &workload_reader();
   commands.warm_up = options.warm_up;
   commands.limit = parse_duration(options.sample_limit);
@@ -42,8 +39,8 @@ void say_how_long(const DuetComparison& comparison, const DuetStep& step,
 int regress_commands(const RegressOptions& options) {
   const DuetCommands commands = commands_of(options);
   DuetComparison comparison({{std::string(kCommandCell), ""}}, options.seed);
+  run_setup(commands);  // Which may build them.
   const auto key = ledger_key(commands, options.seed);
-  run_setup(commands);
   return finish_comparison(
       options,
       {.comparison = comparison,

@@ -106,7 +106,7 @@ TEST(DuetRun, LanesRunSideBySideEachOneProcessAtATime) {
   DuetComparison comparison(kFour, 1), alone(kFour, 1);
   Ledger nowhere;
   TwoLanes lanes;
-  const auto take = [&](Side side, const DuetCell& cell, SampleKind) {
+  const auto take = [&](Side side, const DuetCell& cell, SampleKind, Nanos) {
     const bool slower = side == Side::kCandidate && cell == kFour[2];
     return lanes.take(cell, slower ? 1.1e-3 : 1e-3);
   };
@@ -129,7 +129,7 @@ TEST(DuetRun, OneLanesEndIsAllLanesEnd) {
     DuetComparison comparison(kFour, 1);
     Ledger nowhere;
     std::atomic<int> processes = 0;
-    const auto take = [&](Side, const DuetCell& cell, SampleKind) -> SampleOutcome {
+    const auto take = [&](Side, const DuetCell& cell, SampleKind, Nanos) -> SampleOutcome {
       ++processes;
       if (cell.unit == "a" && stopped) return {.sample = {}, .error = {}, .stopped = true};
       if (cell.unit == "a") throw_environment("no space left");

@@ -34,7 +34,7 @@ TEST(OutputReader, TimeIsThatOfTheProcessWhateverItPrints) {
   process.wall = std::chrono::milliseconds(200);
   process.cpu = std::chrono::milliseconds(150);
   EXPECT_THAT(find_reader("time").read(process).seconds,
-              ElementsAre(Pair("cpu", 0.15), Pair("wall", 0.2)));
+              ElementsAre(Pair("cpu", 0.15), Pair("memory", 0), Pair("wall", 0.2)));
   process.peak_bytes = 4096;
   const Sample sample = find_reader("time").read(process);
   EXPECT_EQ(sample.seconds.at("memory"), 4096);
@@ -58,6 +58,10 @@ TEST(OutputReader, GbenchHasOneRealTimeABenchmarkAndNoAggregates) {
   EXPECT_NEAR(sample.seconds.at("old"), 7e-9, 1e-15) << "of a version without run_type";
   EXPECT_THAT(sample.measures, IsEmpty());
   EXPECT_EQ(read("gbench", std::string("a word before\n") + kBenchmarks).seconds.size(), 2U);
+  // Counters without a figure, as it writes them; a name may have the words.
+  const Sample counted = read("gbench", R"({"benchmarks": [{"name": "NaN \"Infinity",
+      "run_type": "iteration", "real_time": 5.0, "time_unit": "ns", "a": NaN, "b": -Infinity}]})");
+  EXPECT_NEAR(counted.seconds.at("NaN \"Infinity"), 5e-9, 1e-15);
 }
 
 TEST(OutputReader, GbenchRefusesErrorsAndWhatIsNone) {
@@ -111,6 +115,9 @@ TEST(OutputReader, PirtIsOneOfThem) {
                             "seconds": {"call": 0.5}})")
                 .seconds.at("call"),
             0.5);
+  EXPECT_THAT(refused("pirt", R"({"pirt_sample": 1, "version": "1", "device": "CPU",
+                                 "seconds": {"call": -1}})"),
+              HasSubstr("below 0"));
   EXPECT_THAT(test::bad_input([] { static_cast<void>(find_reader("gbnch")); }),
               AllOf(HasSubstr("gbench"), HasSubstr("--reads")));
 }
@@ -135,7 +142,7 @@ DuetCellState compared(const std::function<Sample(Side)>& of) {
   DuetComparison comparison({{std::string(kCommandCell), ""}}, 1);
   Ledger nowhere;
   run_duet(comparison, nowhere,
-           [&of](Side side, const DuetCell&, SampleKind) {
+           [&of](Side side, const DuetCell&, SampleKind, Nanos) {
              return SampleOutcome{.sample = of(side), .error = {}};
            },
            one_at_a_time(1), {});
@@ -151,6 +158,40 @@ TEST(DuetCommands, HigherIsBetterTurnsTheRatio) {
   });
   EXPECT_EQ(state.series.at("rate").rule.verdict(), DuetVerdict::kSlower);
   EXPECT_NEAR(state.series.at("rate").rule.effect(), std::log(1.1), 1e-9);
+  EXPECT_EQ(state.series.at("time").rule.verdict(), DuetVerdict::kNotSlower);
+}
+
+TEST(DuetCommands, SecondsAreAUnitLikeOthers) {
+  const auto in_unit = [](const char* base, const char* candidate) {
+    return compared([=](Side side) {
+      Sample sample;
+      sample.seconds = {{"lat", 2}};
+      const std::string unit = side == Side::kBaseline ? base : candidate;
+      if (unit != "s") sample.measures = {{"lat", {unit, false}}};
+      return sample;
+    });
+  };
+  EXPECT_THAT(in_unit("s", "ms").not_comparable, HasSubstr("figure lat: s, lower is better"));
+  EXPECT_THAT(in_unit("ms", "s").not_comparable, HasSubstr("figure lat: ms, lower is better"));
+  EXPECT_EQ(in_unit("ms", "ms").not_comparable, "");
+  // Nor may a program turn to another one from run to run.
+  int runs = 0;
+  const auto turning = compared([&runs](Side side) {
+    Sample sample;
+    sample.seconds = {{"lat", 2}};
+    if (side == Side::kCandidate && ++runs > 3) sample.measures = {{"lat", {"us", false}}};
+    return sample;
+  });
+  EXPECT_THAT(turning.failures[1], HasSubstr("figure lat: us, lower is better, and s"));
+}
+
+TEST(DuetCommands, AFigureBelowZeroIsNotJudged) {
+  const auto state = compared([](Side) {
+    Sample sample;
+    sample.seconds = {{"offset", -0.5}, {"time", 1}};
+    return sample;
+  });
+  EXPECT_FALSE(state.series.contains("offset"));
   EXPECT_EQ(state.series.at("time").rule.verdict(), DuetVerdict::kNotSlower);
 }
 
