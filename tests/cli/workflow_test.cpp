@@ -52,6 +52,12 @@ TEST(Workflow, WritesItsBaseOnTheDefaultBranchOnly) {
     if (!cache) continue;
     if (cache["policy"] && cache["policy"].Scalar() == "pull") continue;
     ++writers;
+    // What a job extends is merged into it: it would only pull, and keep nothing of a run that
+    // fails.
+    ASSERT_TRUE(cache["policy"] && cache["when"]) << job.first;
+    EXPECT_EQ(cache["policy"].Scalar(), "pull-push");
+    EXPECT_EQ(cache["when"].Scalar(), "always");
+    EXPECT_EQ(cache["unprotect"].Scalar(), "true") << "branches that are not protected read it";
     const YAML::Node rules = job.second["rules"];
     ASSERT_EQ(rules.size(), 1U) << job.first;
     EXPECT_EQ(rules[0]["if"].Scalar(), "$CI_COMMIT_BRANCH == $CI_DEFAULT_BRANCH");
@@ -242,6 +248,9 @@ TEST(WorkflowSteps, OfGitlabReplaceTheBaseByWhatPassedAndSayWhy) {
   const auto bytes = [&](const char* name) {
     return slurp(runner.file(std::string("work/") + name));
   };
+  runner.source(".", "2.0");
+  const auto alone = runner.job(gitlab_script("pirt-profiles"));
+  EXPECT_EQ(alone.exit_code, 3) << "nothing was compared: " << alone.err;
   const auto first = base_job("2.0");
   EXPECT_EQ(first.exit_code, 0) << first.out << first.err;
   EXPECT_THAT(first.out, testing::AllOf(testing::HasSubstr("base replaced: there was none"),
@@ -264,7 +273,8 @@ TEST(WorkflowSteps, OfGitlabReplaceTheBaseByWhatPassedAndSayWhy) {
   const auto accepted = runner.job(gitlab_script("pirt-accept"), "SET_ANCHOR=1");
   EXPECT_EQ(accepted.exit_code, 0) << accepted.err;
   EXPECT_THAT(accepted.out, testing::HasSubstr("accepted by hand"));
-  EXPECT_EQ(bytes("anchor.db"), bytes("new.db"));
+  EXPECT_EQ(bytes("anchor.db"), bytes("newest.db"));
+  EXPECT_EQ(bytes("base.db"), bytes("newest.db"));
   EXPECT_EQ(base_job("2.24").exit_code, 0);
   // Other inputs: nothing can be compared any more.
   const auto other = base_job("2.24", "SEED='--seed 8'");
