@@ -125,20 +125,22 @@ Runtime::Engine::Engine(RuntimeOptions options)
 
 /// Of the rows that a workload of the caller's takes: those of its size, where pictures have one.
 std::string Runtime::Engine::name_of_rows(const Workload& made) const {
-  const Workload* const plain = try_find_workload(made.name);
-  const bool same = plain == nullptr || !plain->at_size ||
-                    (plain->inputs == made.inputs && plain->outputs == made.outputs);
+  const Workload* const named = try_find_workload(made.name);
+  const std::string plain = own::plain_name(made.name);
+  const Workload* const base = try_find_workload(plain);  // "sobel" of "sobel@map"
+  const bool same = named == nullptr || base == nullptr || !base->at_size ||
+                    (named->inputs == made.inputs && named->outputs == made.outputs);
   if (same || made.inputs.empty() || made.inputs.front().shape.size() < 2) return made.name;
   const auto& shape = made.inputs.front().shape;
-  const std::string name =
-      fmt::format("{}@{}x{}", own::plain_name(plain->name), shape.back(), shape.end()[-2]);
+  const std::string name = fmt::format("{}@{}x{}{}", plain, shape.back(), shape.end()[-2],
+                                       made.variant.empty() ? "" : "@" + made.variant);
   const auto has_rows = std::ranges::any_of(
       options_.profile->phases, [&name](const PhaseRow& row) { return row.workload == name; });
   if (has_rows) return name;
   throw_bad_input(fmt::format(
       "profile {} has no rows of {} in this size, and those of another do not tell its time; "
       "measure it: pirt characterize --platform {} --filter {} --db {}",
-      options_.profile->path, plain->name, options_.platform.name, name, options_.profile->path));
+      options_.profile->path, plain, options_.platform.name, name, options_.profile->path));
 }
 
 /// Before anything is listed, so that others of the options may name what a file has, too.

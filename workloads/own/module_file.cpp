@@ -133,9 +133,15 @@ void take_rows(const std::vector<pirt_tensor>& from, std::span<Tensor> to,
   }
 }
 
+/// What a module is given the address of. The token is of the thread that is called; the module
+/// may ask from others.
+struct HeldCall : pirt_call {
+  explicit HeldCall(const pirt_call& call) : pirt_call(call) {}
+  std::stop_token stop = stop_of_call();
+};
+
 std::int32_t is_stopped(const pirt_call* call) {
-  static_cast<void>(call);
-  return stop_of_call().stop_requested() ? 1 : 0;
+  return static_cast<const HeldCall*>(call)->stop.stop_requested() ? 1 : 0;
 }
 
 void on_slice(const pirt_call* call) {
@@ -195,7 +201,7 @@ class ModuleKernel final : public Kernel {
                          .state = tensors_of(current_),
                          .next = tensors_of(next_),
                          .message = {}};
-    const pirt_call call = tensors.call(size_, threads_);
+    const HeldCall call(tensors.call(size_, threads_));
     for (int i = 0; i < repeats; ++i) {
       tensors.message.check(functions_.run(kernel_, &call), name_);
     }
@@ -313,7 +319,7 @@ Functions functions_of(const pirt_workload& given, const std::string& where, Siz
                            .state = tensors_of(state),
                            .next = tensors_of(next),
                            .message = {}};
-      const pirt_call call = tensors.call(size, 1);
+      const HeldCall call(tensors.call(size, 1));
       tensors.message.check(given.reference(&call), name + ": its reference");
       take_rows(tensors.outputs, outputs, name);
       take_rows(tensors.next, next, name);
@@ -373,6 +379,9 @@ Definition definition_of(const pirt_workload& given, const std::string& file) {
   made.verified = given.reference != nullptr;
   if (given.cpu != nullptr) made.backends.emplace_back("cpu");
   if (given.opencl != nullptr) made.backends.emplace_back("opencl");
+  if (given.opencl != nullptr && given.opencl->source == nullptr && !made.state.empty()) {
+    throw_bad_input(where + ": functions of opencl get no state; give a source");
+  }
   if (given.opencl != nullptr && given.opencl->source != nullptr) {
     check(source_of(*given.opencl, where), made, where);
   }

@@ -147,6 +147,7 @@ class Process {
       ::_exit(127);
     }
     ::setpgid(pid_, pid_);
+    watch();
   }
   /// It may end by itself for a moment.
   ~Process() {
@@ -201,14 +202,38 @@ class Process {
             info.si_pid == pid_);
   }
 
+  /// Has one in the program's group end all of it when this process ends, however it does: the
+  /// program dies with us, and not what it has started. It notices by a pipe of which we alone keep
+  /// the other end.
+  void watch() {
+    std::array<int, 2> life{};
+    if (::pipe2(life.data(), O_CLOEXEC) != 0) return;  // Without one nobody watches.
+    const FileDescriptor read_end(life[0]);
+    life_ = FileDescriptor(life[1]);
+    const pid_t group = pid_;
+    watcher_ = ::fork();
+    if (watcher_ != 0) return;
+    if (::setpgid(0, group) != 0) ::_exit(0);  // It has ended already.
+    ::dup2(read_end.get(), STDIN_FILENO);
+    ::close_range(STDOUT_FILENO, ~0U, 0);
+    char unused = 0;
+    while (::read(STDIN_FILENO, &unused, 1) < 0 && errno == EINTR) {
+    }
+    ::kill(0, SIGKILL);
+    ::_exit(0);
+  }
+
   /// With what it has started.
   void end() {
     if (pid_ <= 0) return;
     ::kill(-pid_, SIGKILL);
-    ::kill(pid_, SIGKILL);
-    while (::waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
+    for (const pid_t each : {pid_, watcher_}) {
+      if (each <= 0) continue;
+      ::kill(each, SIGKILL);
+      while (::waitpid(each, each == pid_ ? &status_ : nullptr, 0) < 0 && errno == EINTR) {
+      }
     }
-    pid_ = 0;
+    pid_ = watcher_ = 0;
   }
 
   [[noreturn]] void fail(const std::string& how) {
@@ -282,7 +307,8 @@ class Process {
 
   const Program& program_;
   FileDescriptor to_, from_;
-  pid_t pid_ = 0;
+  FileDescriptor life_;
+  pid_t pid_ = 0, watcher_ = 0;
   int status_ = 0;
   std::string buffer_;
   MachineClock clock_;

@@ -215,11 +215,11 @@ void read_network(const fs::path& file, const YamlNode& node, Definition& defini
   const fs::path model = beside(network);
   std::optional<fs::path> config;
   if (node.has("config")) config = beside(node.at("config"));
-  const bool one_input = definition.inputs.size() == 1 && definition.parameters.empty() &&
-                         definition.state.empty() &&
-                         definition.inputs.front().element == Element::kF32 &&
-                         std::ranges::all_of(definition.inputs.front().shape,
-                                             [](std::int64_t extent) { return extent > 0; });
+  const bool one_input =
+      definition.inputs.size() == 1 && definition.parameters.empty() && definition.state.empty() &&
+      definition.inputs.front().element == Element::kF32 && !definition.inputs.front().varies &&
+      std::ranges::all_of(definition.inputs.front().shape,
+                          [](std::int64_t extent) { return extent > 0; });
   if (!one_input) {
     network.fail("needs one input of fixed size, such as inputs: {picture: \"f32[1,3,416,416]\"}");
   }
@@ -232,7 +232,9 @@ void read_network(const fs::path& file, const YamlNode& node, Definition& defini
   });
   if (definition.outputs.empty()) definition.outputs = outputs;
   const bool same =
-      std::ranges::equal(definition.outputs, outputs, {}, &TensorSpec::shape, &TensorSpec::shape);
+      std::ranges::equal(definition.outputs, outputs, [](const TensorSpec& a, const TensorSpec& b) {
+        return a.element == b.element && a.shape == b.shape && a.varies == b.varies;
+      });
   if (!same) {
     std::vector<std::string> made;
     for (const TensorSpec& spec : outputs) made.push_back(tensor_text(spec));

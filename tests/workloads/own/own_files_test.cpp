@@ -1,8 +1,10 @@
 // Modules and workload files as they are loaded, and programs as they compute.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -180,6 +182,8 @@ TEST_F(WorkloadFile, NamesThePlaceOfWhatIsWrong) {
   const std::string args = "    opencl: {source: k.cl, kernel: k, global: [4], args: ";
   refused(head + args + "[{u8: 256}]}\n", "256 is no u8");
   refused(head + args + "[{i32: 0.5}]}\n", "0.5 is no i32");
+  refused(head + args + "[{u8: 1}]}\n", "not given output 'a'");
+  refused(head + "    state: {s: \"u8[4]\"}\n" + args + "[a, s]}\n", "'next s'");
   refused(head + args + "a}\n", "must be a list");
   refused(head + args + "[[a]]}\n", "args[0]");
   refused(head + "    opencl: {source: k.cl, kernel: k, global: [width], args: [a]}\n",
@@ -374,6 +378,38 @@ TEST_F(OwnProgramRun, ThatAnswersUnaskedIsFoundOut) {
   EXPECT_THAT(why, AnyOf(HasSubstr("not asked for"), HasSubstr("did not answer with")));
 }
 
+/// It was killed; that may take a moment, and whoever adopted it may not reap it.
+bool is_gone_soon(pid_t child) {
+  const auto is_there = [child] {
+    char state = 'Z';
+    std::string number, name;
+    std::ifstream stat("/proc/" + std::to_string(child) + "/stat");
+    return bool(stat >> number >> name >> state) && state != 'Z';
+  };
+  for (int i = 0; i < 200 && is_there(); ++i) ::usleep(50'000);
+  return !is_there();
+}
+
+// A worker is killed with SIGKILL where its time is over: no destructor runs.
+TEST_F(OwnProgramRun, TakesWhatItStartedWithItWhenThisProcessIsKilled) {
+  const Program lives = program("",
+                                "import subprocess\n"
+                                "    child = subprocess.Popen(['sleep', '1000'])\n"
+                                "    open('child', 'w').write(str(child.pid))");
+  bind(lives);
+  const pid_t worker = ::fork();
+  if (worker == 0) {
+    const auto kernel = make_program_kernel(lives, {}, 1);
+    static_cast<void>(failure(*kernel));
+    ::raise(SIGKILL);
+  }
+  ASSERT_EQ(::waitpid(worker, nullptr, 0), worker);
+  pid_t child = 0;
+  std::ifstream(folder_ / "child") >> child;
+  ASSERT_GT(child, 0);
+  EXPECT_TRUE(is_gone_soon(child));
+}
+
 TEST_F(OwnProgramRun, TakesWhatItStartedWithIt) {
   const Program leaves = program("",
                                  "import subprocess\n"
@@ -388,15 +424,7 @@ TEST_F(OwnProgramRun, TakesWhatItStartedWithIt) {
   pid_t child = 0;
   std::ifstream(folder_ / "child") >> child;
   ASSERT_GT(child, 0);
-  // It was killed; that may take a moment, and whoever adopted it may not reap it.
-  const auto is_there = [child] {
-    char state = 'Z';
-    std::string number, name;
-    std::ifstream stat("/proc/" + std::to_string(child) + "/stat");
-    return bool(stat >> number >> name >> state) && state != 'Z';
-  };
-  for (int i = 0; i < 200 && is_there(); ++i) ::usleep(50'000);
-  EXPECT_FALSE(is_there());
+  EXPECT_TRUE(is_gone_soon(child));
 }
 
 TEST_F(OwnProgramRun, CountsTheProcessorTimeOfItsThreads) {
