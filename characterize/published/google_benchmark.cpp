@@ -21,6 +21,7 @@ double nanoseconds_of(const std::string& unit) {
 std::string why_not_a_call(const Json& benchmark) {
   if (benchmark.value("run_type", "iteration") != "iteration") return "aggregates of repetitions";
   if (benchmark.value("error_occurred", false)) return "benchmarks that failed";
+  if (benchmark.value("skipped", false)) return "benchmarks that were skipped";
   if (benchmark.value("threads", 1) > 1) {
     return "benchmarks of several threads, whose time is not one of a call";
   }

@@ -1,5 +1,6 @@
 // JSON of nvbench: what kernels of the user's took on an NVIDIA GPU.
-// Source of the tags: NVIDIA/nvbench, nvbench/detail/measure_cold.cu.
+// Source of the tags and forms: NVIDIA/nvbench, nvbench/detail/measure_cold.cu and
+// nvbench/json_printer.cu.
 //
 // A row is the mean time on the host's clock from a kernel's launch to its end, after the L2 was
 // flushed: the nearest thing to a call, without what is moved. The GPU's own time of it and
@@ -9,11 +10,12 @@
 #include <map>
 
 #include "characterize/published/published.h"
+#include "workloads/base/text/numbers.h"
 
 namespace pirt {
 namespace {
 
-/// Null if the state has no such summary. nvbench writes 64-bit integers as texts.
+/// Null if the state has no such summary.
 const Json* summary_value(const Json& state, std::string_view tag) {
   for (const Json& summary : state.at("summaries")) {
     if (summary.value("tag", "") != tag) continue;
@@ -22,6 +24,14 @@ const Json* summary_value(const Json& state, std::string_view tag) {
     }
   }
   return nullptr;
+}
+
+/// nvbench writes numbers as texts; older ones did not.
+double seconds_of(const Json& value, const std::string& workload) {
+  if (!value.is_string()) return value.get<double>();
+  const auto read = decimal_number(value.get<std::string>(), 0, 1e9);
+  if (!read.value) throw JsonError(workload + ": its time " + read.problem);
+  return *read.value;
 }
 
 std::string calls_of(const Json& state) {
@@ -69,7 +79,7 @@ Publication read_nvbench(const std::string& file, const Json& root) {
       if (unit == units.end()) throw JsonError(workload + ": its device is not under 'devices'");
       add_figure(board, {.workload = workload,
                          .unit = unit->second,
-                         .samples = {published_time(seconds->get<double>(), 1e9, workload)},
+                         .samples = {published_time(seconds_of(*seconds, workload), 1e9, workload)},
                          .notes = {fmt::format("mean of {} calls from launch to end, L2 flushed "
                                                "before, without transfers",
                                                calls_of(state))}});

@@ -11,6 +11,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/numbers.h"
+#include "workloads/base/text/printable.h"
 #include "workloads/catalog/specs.h"
 
 namespace pirt {
@@ -38,6 +39,16 @@ bool begins_with_head(const std::string& text) {
   return head.find(',') != std::string::npos && head.find(": ") == std::string::npos;
 }
 
+/// A table of a spreadsheet that writes decimal commas.
+void check_separator(const std::string& file, const std::string& text) {
+  const std::string head = text.substr(0, text.find('\n'));
+  const auto has = [&head](const char* what) { return head.find(what) != std::string::npos; };
+  if (has(",") || !(has(";") || has("\t")) || !(has("workload") || has("soc"))) return;
+  throw_bad_input(file + ":1: its columns are not between commas but '" +
+                  printable(head.substr(0, 80)) +
+                  "'; save it as CSV with ',' between columns and '.' in numbers");
+}
+
 /// In double quotes, as YAML and JSON both read them.
 std::string quoted(const std::string& text) { return json_text(Json(text)); }
 
@@ -54,7 +65,10 @@ Publication read_publication(const std::string& file, const std::string& text) {
       throw_bad_input("'" + file + "' cannot be imported: " + error.reason());
     }
   }
-  if (body.front() == '#') return read_starpu(file, text);
+  if (body.front() == '#' && body.find("# Performance Model") != std::string::npos) {
+    return read_starpu(file, text);
+  }
+  check_separator(file, body);
   if (!begins_with_head(body)) return read_robotperf(file, text);
   return CsvTable(file, text).has("soc") ? read_ncnn(file, text) : read_times(file, text);
 }

@@ -67,9 +67,10 @@ Publication read_robotperf(const std::string& file, const std::string& text) {
   const YamlNode root = parse_yaml(file, text);
   if (!root.is_map() || !root.has("results") || !root.has("name")) {
     throw_bad_input("'" + file +
-                    "' is none of what can be imported: JSON of ros2_benchmark, a benchmark.yaml "
-                    "of RobotPerf (name, results), a table of ncnn (CSV: soc, unit, threads, "
-                    "network, avg_ms)");
+                    "' is none of what can be imported: times of yours (CSV: workload, unit, ms), "
+                    "JSON of Google Benchmark, of nvbench or of ros2_benchmark, a history of "
+                    "StarPU, a benchmark.yaml of RobotPerf (name, results), a table of ncnn (CSV: "
+                    "soc, unit, threads, network, avg_ms)");
   }
   const std::string benchmark = "robotperf." + name_of(root.at("name").text(), '_');
   Publication publication{.format = "RobotPerf", .boards = {}, .left_out = {}};

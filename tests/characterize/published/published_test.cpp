@@ -192,6 +192,9 @@ TEST(Times, TablesThatAreNoneAreRefused) {
               AllOf(HasSubstr("'p95'"), HasSubstr("p95_ms")));
   EXPECT_THAT(times_problem("workload,unit,ms,ms\nmine.a,cpu,1,1\n"), HasSubstr("twice"));
   EXPECT_THAT(times_problem("workload,unit,ms\n"), HasSubstr("no row"));
+  EXPECT_THAT(times_problem("workload;unit;ms\nmine.a;cpu;1,5\n"),
+              AllOf(HasSubstr("t.csv:1"), HasSubstr("save it as CSV with ','")));
+  EXPECT_THAT(times_problem("# my times\nmine.a cpu 1\n"), HasSubstr("workload, unit, ms"));
   EXPECT_THAT(times_problem("workload,unit,ms\n\"mine.a,cpu,1\n"), HasSubstr("not closed"));
   EXPECT_THAT(times_problem("workload,unit,ms\nmi\"ne.a,cpu,1\n"), HasSubstr("t.csv:2: a quote"));
   std::string many = "workload,unit,ms\n";
@@ -239,6 +242,8 @@ constexpr const char* kGoogleBenchmark = R"json({
      "aggregate_name": "mean", "real_time": 2.6, "cpu_time": 2.4, "time_unit": "ms"},
     {"name": "BM_Par/threads:4", "run_name": "BM_Par/threads:4", "run_type": "iteration",
      "threads": 4, "iterations": 10, "real_time": 7, "cpu_time": 7, "time_unit": "us"},
+    {"name": "BM_Gpu", "run_type": "iteration", "skipped": true, "skip_message": "no GPU",
+     "iterations": 0, "real_time": 0, "cpu_time": 0, "time_unit": "ns"},
     {"name": "BM_Bad", "run_type": "iteration", "error_occurred": true, "error_message": "no"}
   ]})json";
 
@@ -251,8 +256,8 @@ TEST(GoogleBenchmark, IterationsAreSamples) {
   ASSERT_EQ(board.figures.size(), 1U);
   EXPECT_EQ(board.figures[0].workload, "gbench.bm_icp_1024");
   EXPECT_THAT(board.figures[0].samples, ElementsAre(Nanos(2'500'000), Nanos(2'750'000)));
-  EXPECT_THAT(publication.left_out,
-              ElementsAre(HasSubstr("aggregates"), HasSubstr("threads"), HasSubstr("failed")));
+  EXPECT_THAT(publication.left_out, ElementsAre(HasSubstr("aggregates"), HasSubstr("threads"),
+                                                HasSubstr("failed"), HasSubstr("skipped")));
 }
 
 TEST(GoogleBenchmark, TwoOfOneNameAreRefused) {
@@ -276,7 +281,7 @@ constexpr const char* kNvbench = R"json({
      "axis_values": [{"name": "Elements", "type": "int64", "value": "65536"}],
      "summaries": [
        {"tag": "nv/cold/sample_size", "data": [{"name": "value", "type": "int64", "value": "500"}]},
-       {"tag": "nv/cold/time/cpu/mean", "data": [{"name": "value", "type": "float64", "value": 0.00002}]},
+       {"tag": "nv/cold/time/cpu/mean", "data": [{"name": "value", "type": "float64", "value": "2.0e-05"}]},
        {"tag": "nv/cold/time/gpu/mean", "data": [{"name": "value", "type": "float64", "value": 0.00001}]}]},
     {"name": "Device=1 Elements=2^16", "device": 1, "is_skipped": true,
      "axis_values": [{"name": "Elements", "type": "int64", "value": "65536"}], "summaries": []}
