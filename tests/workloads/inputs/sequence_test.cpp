@@ -474,6 +474,43 @@ TEST_F(MadeKitti, TakesProjectionsByTheirLabels) {
   EXPECT_THAT(bad_input([this] { static_cast<void>(read()); }), HasSubstr("has no P0"));
 }
 
+TEST_F(MadeKitti, TakesNoCameraForTheRightOneThatSitsElsewhere) {
+  add("image_0", {"1", "2", "3"});
+  add("image_1", {"1", "2", "3"});
+  for (const char* fourth : {"4", "0"}) {
+    put(scratch_.path() / "calib.txt",
+        std::string("P0: 20 0 8 0 0 20 8 0 0 0 1 0\nP1: 20 0 8 ") + fourth + " 0 20 8 0 0 0 1 0\n");
+    const Sequence sequence = read();
+    EXPECT_EQ(sequence.cameras.size(), 1U);
+    EXPECT_EQ(sequence.frames[0].present.size(), 1U);
+    EXPECT_THAT(sequence.warnings, testing::Contains(HasSubstr("P1 does not put camera 1")));
+  }
+}
+
+TEST_F(MadeKitti, RefusesNamesWhoseOrderIsNotCertain) {
+  for (const auto& names : {std::vector<std::string>{"15.763", "16.013"}, {"15.9", "15.10"}}) {
+    const fs::path folder = scratch_.path() / "image_0";
+    fs::remove_all(folder);
+    add("image_0", names);
+    EXPECT_THAT(bad_input([this] { static_cast<void>(read()); }),
+                HasSubstr("nobody knows their order"));
+  }
+}
+
+TEST_F(MadeKitti, ACutFirstPictureCostsOneFrame) {
+  add("image_0", {"1", "2", "3"});
+  put(scratch_.path() / "image_0/1.png", "no picture");
+  EXPECT_EQ(read().cameras[0].width, 16);
+}
+
+TEST_F(MadeKitti, IsReadBesideARecordingOfIt) {
+  add("image_0", {"1", "2", "3"});
+  put(scratch_.path() / "flight.mcap", "not even one");
+  const Sequence sequence = read_sequence(scratch_.path());
+  EXPECT_EQ(sequence.frames.size(), 3U);
+  EXPECT_THAT(sequence.warnings, testing::Contains(HasSubstr("is not read")));
+}
+
 TEST_F(MadeKitti, ACameraWithoutPairsIsNoCamera) {
   add("image_0", {"1", "2"});
   add("image_1", {"3", "4"});

@@ -164,7 +164,7 @@ class Db3 final : public Recording {
                         SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_URI);
       return;
     }
-    copy_.emplace(fs::temp_directory_path() / "pirt-recording");
+    copy_ = recording_folder();
     beside.push_back(file);
     for (const fs::path& each : beside) {
       fs::copy_file(each, copy_->path() / each.filename(), failed);
@@ -196,7 +196,7 @@ class Db3 final : public Recording {
     }
   }
 
-  std::optional<TemporaryFolder> copy_;
+  std::unique_ptr<TemporaryFolder> copy_;
   std::optional<Database> database_;
   mutable std::mutex mutex_;  ///< Of the database, which has none.
 };

@@ -80,7 +80,7 @@ std::vector<fs::path> parts_of(const fs::path& folder) {
                     "last two also with .zstd behind");
   }
   // Packed as a whole, and unpacked for as long as it is read.
-  auto folder = std::make_unique<TemporaryFolder>(fs::temp_directory_path() / "pirt-recording");
+  auto folder = recording_folder();
   const fs::path plain = folder->path() / file.filename().stem();
   unpack_file(file, plain);
   auto content = open_file(plain, {file.string(), as.unpacked});
@@ -234,6 +234,12 @@ void Recording::finish() {
 
 void Recording::fail(const std::string& problem) const {
   throw_bad_input("'" + file_ + "' " + problem);
+}
+
+std::unique_ptr<TemporaryFolder> recording_folder() {
+  const fs::path target = fs::temp_directory_path() / "pirt-recording";
+  remove_left_beside(target);
+  return std::make_unique<TemporaryFolder>(target);
 }
 
 bool names_a_recording(const fs::path& path) {

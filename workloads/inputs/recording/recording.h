@@ -110,6 +110,10 @@ class Recording {
   std::unique_ptr<TemporaryFolder> folder_;
 };
 
+/// In TMPDIR, for what is unpacked or copied to be read. What processes that were killed left there
+/// goes.
+[[nodiscard]] std::unique_ptr<TemporaryFolder> recording_folder();
+
 /// Whether a definition's std_msgs/Header counts; what has none is as @p otherwise says.
 [[nodiscard]] bool defines_seq(std::string_view definition, bool otherwise);
 

@@ -70,6 +70,9 @@ GivenCamera kalibr_camera(const YamlNode& node) {
   if (!problem.empty()) node.fail(problem);
   if (node.has("rostopic")) camera.topic = node.at("rostopic").text();
   if (node.has("T_cam_imu")) camera.body_from_camera = rigid_of(node.at("T_cam_imu")).inverse();
+  if (node.has("timeshift_cam_imu")) {
+    camera.imu_later_s = node.at("timeshift_cam_imu").number(-1, 1);
+  }
   if (node.has("T_cn_cnm1")) camera.before_from_camera = rigid_of(node.at("T_cn_cnm1")).inverse();
   return camera;
 }
@@ -87,6 +90,13 @@ GivenCamera ros_camera(const YamlNode& node) {
   const std::string problem =
       set_lens(camera.model, lens, list_of(node.at("distortion_coefficients").at("data"), 0, 14));
   if (!problem.empty()) node.at("distortion_coefficients").fail(problem);
+  if (node.has("projection_matrix")) {
+    const auto p = list_of(node.at("projection_matrix").at("data"), 12, 12);
+    CameraModel& rectified = camera.rectified.emplace();
+    rectified.width = camera.model.width;
+    rectified.height = camera.model.height;
+    set_pinhole(rectified, node.at("projection_matrix"), {p[0], p[5], p[2], p[6]});
+  }
   return camera;
 }
 

@@ -16,6 +16,8 @@ struct GivenCamera {
   /// Where it sits; absent = the file does not say.
   std::optional<Pose> body_from_camera = {},
                       before_from_camera = {};  ///< Before: the camera before it.
+  std::optional<CameraModel> rectified = {};    ///< What its rectified pictures are of.
+  double imu_later_s = 0;  ///< What the IMU's stamps of a moment are more than its own.
 };
 
 /// @param path  Kalibr's camchain (cam0, cam1, also with T_cam_imu), EuRoC's sensor.yaml or the

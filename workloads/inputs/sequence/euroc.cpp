@@ -201,8 +201,8 @@ CameraModel placed(const GivenCamera& given, const CameraModel* before, const st
   return model;
 }
 
-void read_cameras(const fs::path& root, const ReadOptions& options, Sequence& sequence) {
-  const auto given = given_cameras(root, options);
+void read_cameras(const fs::path& root, const ReadOptions& options,
+                  const std::vector<GivenCamera>& given, Sequence& sequence) {
   std::vector<std::vector<Stamped>> pictures;
   std::vector<fs::path> folders;
   for (const char* name : {"cam0", "cam1"}) {
@@ -225,7 +225,7 @@ void read_cameras(const fs::path& root, const ReadOptions& options, Sequence& se
   std::vector<std::vector<std::string>> files(pictures.size());
   for (std::size_t camera = 0; camera < pictures.size(); ++camera) {
     check_step("'" + (folders[camera] / "data.csv").string() + "'", stamps_of(pictures[camera]),
-               sequence.cameras[camera].rate_hz);
+               sequence.cameras[camera].rate_hz, kFinestPicture_s);
   }
   Partners partners;
   if (pictures.size() > 1) {
@@ -365,8 +365,15 @@ Sequence read_euroc(const fs::path& folder, const ReadOptions& options) {
   const fs::path root = fs::exists(folder / "mav0") ? folder / "mav0" : folder;
   Sequence sequence;
   sequence.name = folder.string();
-  read_cameras(root, options, sequence);
-  if (options.imu) read_imu(root, sequence);
+  const auto given = given_cameras(root, options);
+  read_cameras(root, options, given, sequence);
+  const bool is_placed = given.empty() || given.front().body_from_camera;
+  if (options.imu && is_placed) read_imu(root, sequence);
+  if (options.imu && !is_placed && fs::exists(root / "imu0")) {
+    sequence.warnings.push_back(
+        "imu0 is not used: the calibration does not say where the IMU sits (T_cam_imu)");
+  }
+  if (!given.empty()) frames_by_imu(sequence, given.front().imu_later_s);
   for (const char* name : {"state_groundtruth_estimate0", "mocap0"}) {
     const fs::path truth = root / name / "data.csv";
     if (fs::exists(truth)) sequence.truth = read_truth_csv(truth, sequence.warnings);

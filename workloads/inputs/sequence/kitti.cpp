@@ -51,10 +51,12 @@ Matrix34 projection_of(const fs::path& file, std::size_t camera) {
 
 using Number = std::uint64_t;
 
-/// By the number in their names, the last one: "9.png" is before "10.png".
+/// By the number in their names, the last one: "9.png" is before "10.png". What stands before it is
+/// the same of all, or the number is a part of what orders them, such as a second's fraction.
 std::map<Number, fs::path> numbered_pictures(const fs::path& folder) {
   constexpr std::string_view kDigits = "0123456789";
   std::map<Number, fs::path> pictures;
+  std::optional<std::string> first;  // A name up to its number, and of a fraction its length.
   for (const fs::path& file : pictures_of(folder)) {
     const std::string name = file.stem().string();
     const auto end = name.find_last_of(kDigits);
@@ -66,6 +68,15 @@ std::map<Number, fs::path> numbered_pictures(const fs::path& folder) {
       throw_bad_input("'" + file.string() +
                       "' has no number in its name, which says where in the sequence it belongs");
     }
+    std::string around = name.substr(0, begin);
+    if (around.ends_with('.')) around += std::to_string(end - begin);
+    if (first.value_or(around) != around) {
+      throw_bad_input(fmt::format(
+          "'{}': names have more than one number that differs, so that nobody knows their order; "
+          "number them from 000000.png on, with their times in times.txt",
+          file.string()));
+    }
+    first = around;
     const auto [place, is_new] = pictures.emplace(number, file);
     if (!is_new) {
       throw_bad_input(fmt::format("'{}' and '{}' have the same number; take one of them away",
@@ -158,6 +169,17 @@ void read_poses(const fs::path& file, Sequence& sequence, const std::vector<Numb
   }
 }
 
+/// Of the first picture that has one; others may be cut off.
+GreySize first_size(const std::vector<Shot>& shots) {
+  for (std::size_t i = 0;; ++i) {
+    try {
+      return grey_size(shots[i].left);
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kBadInput || i + 1 == shots.size()) throw;
+    }
+  }
+}
+
 }  // namespace
 
 Sequence read_kitti(const fs::path& folder) {
@@ -184,12 +206,12 @@ Sequence read_kitti(const fs::path& folder) {
   for (std::size_t i = 0; i < shots.size(); ++i) shots[i].time = times[i];
   const std::string what = "'" + (folder / "times.txt").string() + "'";
   keep_rising(shots, what, sequence.warnings);
-  check_step(what, stamps_of(shots));
+  check_step(what, stamps_of(shots), std::nullopt, kFinestPicture_s);
   Partners partners;
   for (std::size_t i = 0; i < shots.size() && !right.empty(); ++i) {
     partners.push_back(shots[i].right ? std::optional(i) : std::nullopt);
   }
-  const GreySize size = grey_size(shots.front().left);
+  const GreySize size = first_size(shots);
   for (std::size_t i = 0; i < (right.empty() ? 1U : 2U); ++i) {
     CameraModel camera = camera_of(projection_of(calibration, i), calibration);
     camera.width = size.width;
@@ -197,6 +219,13 @@ Sequence read_kitti(const fs::path& folder) {
     const std::string problem = no_pinhole(camera);
     if (!problem.empty()) throw_bad_input("'" + calibration.string() + "': " + problem);
     sequence.cameras.push_back(camera);
+  }
+  if (sequence.cameras.size() > 1 && !(sequence.cameras[1].body_from_camera.position.x() > 0)) {
+    sequence.warnings.push_back("'" + calibration.string() +
+                                "': P1 does not put camera 1 to the right of camera 0 (its 4th "
+                                "number is below 0 then); its pictures are not used");
+    sequence.cameras.resize(1);
+    partners.clear();
   }
   make_frames(sequence, stamps_of(shots), partners,
               {left.filename().string(), right.filename().string()});

@@ -236,6 +236,23 @@ class Reader {
     }
   }
 
+  /// Of the first message that is one, among the first hundred: a sensor that starts may say
+  /// nonsense.
+  template <typename Read>
+  [[nodiscard]] auto first_usable(std::size_t id, const Read& read) const {
+    constexpr std::size_t kTried = 100;
+    for (std::size_t i = 0;; ++i) {
+      try {
+        const std::string bytes = recording_->message(id, i);
+        auto in = recording_->reader(id, i, bytes);
+        return read(in);
+      } catch (const Error& error) {
+        if (error.code() != ErrorCode::kBadInput) throw;
+        if (i + 1 == std::min<std::size_t>(kTried, topic(id).messages)) throw;
+      }
+    }
+  }
+
   /// The one or two topics with pictures, by what their first messages are.
   [[nodiscard]] std::vector<std::size_t> find_cameras() {
     std::vector<std::size_t> found;
@@ -275,10 +292,9 @@ class Reader {
 
   /// Why one of several topics is not to be taken; empty = it may be.
   [[nodiscard]] std::string no_camera(std::size_t id, const std::vector<std::size_t>& all) const {
-    const std::string bytes = recording_->message(id, 0);
-    auto in = recording_->reader(id, 0, bytes);
-    const std::string why_not =
-        no_picture(read_image(in, topic(id).type == ImageMessage::kCompressedType));
+    const std::string why_not = first_usable(id, [&](WireReader& in) {
+      return no_picture(read_image(in, topic(id).type == ImageMessage::kCompressedType));
+    });
     if (!why_not.empty()) return why_not;
     for (const std::size_t other : all) {
       if (is_same_camera(topic(other).name, topic(id).name)) return "shows " + topic(other).name;
@@ -290,7 +306,7 @@ class Reader {
   }
 
   void finish_camera(Camera& camera) {
-    order(camera.pictures, camera.topic);
+    order(camera.pictures, camera.topic, kFinestPicture_s);
     calibrate(camera);
     if (camera.pictures.size() > 1) {
       const Nanos span = camera.pictures.back().time - camera.pictures.front().time;
@@ -335,7 +351,21 @@ class Reader {
     const std::string& name = topic(camera.topic).name;
     if (!given_.empty()) {
       camera.given = given(name);
-      camera.calibrated.model = camera.given->model;
+      CameraModel& model = camera.calibrated.model = camera.given->model;
+      CameraModel none = model;
+      none.lens = Lens::kRadialTangential;
+      none.k1 = none.k2 = none.p1 = none.p2 = none.k3 = none.k4 = none.k5 = none.k6 = 0;
+      const Eigen::Vector2d corner(0, 0);
+      const bool has_lens = (model.ray(corner) - none.ray(corner)).norm() > 1e-6;
+      if (!is_rectified(name) || !has_lens) return;
+      if (camera.given->rectified) {
+        model = *camera.given->rectified;
+      } else {
+        sequence_.warnings.push_back(name +
+                                     " is rectified by its name, and its calibration has a lens: "
+                                     "if straight lines are straight in its pictures, give one "
+                                     "without (or ROS's, with its projection_matrix)");
+      }
       return;
     }
     const auto info = info_of(name);
@@ -345,10 +375,11 @@ class Reader {
                       "give a file that has it: --calibration camchain.yaml",
                       name, folder_of(base_topic(name))));
     }
-    const std::string bytes = recording_->message(*info, 0);
-    auto in = recording_->reader(*info, 0, bytes);
-    const auto message = read_camera_info(in);
-    camera.calibrated = camera_of(in, message, is_rectified(name));
+    const auto message = first_usable(*info, [&](WireReader& in) {
+      const auto read = read_camera_info(in);
+      camera.calibrated = camera_of(in, read, is_rectified(name));
+      return read;
+    });
     // As image_geometry takes it; a simulated camera has none, but a driver may not know it.
     if (message.d.empty() && !is_rectified(name)) {
       sequence_.warnings.push_back(
@@ -364,9 +395,7 @@ class Reader {
     bool has_gyro = false, has_accel = false;
   };
   [[nodiscard]] Inertial look_at_imu(std::size_t id) const {
-    const std::string bytes = recording_->message(id, 0);
-    auto in = recording_->reader(id, 0, bytes);
-    const auto message = ::pirt::read_imu(in);
+    const auto message = first_usable(id, [](WireReader& in) { return ::pirt::read_imu(in); });
     return {id, message.has_gyro, message.has_accel};
   }
 
@@ -508,6 +537,7 @@ class Reader {
     }
     make_frames(sequence_, left, partners,
                 {topic(cameras_.front().topic).name, topic(cameras_.back().topic).name});
+    if (cameras_.front().given) frames_by_imu(sequence_, cameras_.front().given->imu_later_s);
     sequence_.image = [recording = recording_, partners, cameras = cameras_](std::size_t frame,
                                                                              std::size_t camera) {
       const Camera& by = cameras[camera];
@@ -523,8 +553,17 @@ class Reader {
     const std::vector<std::string_view> types = {PoseMessage::kType, PoseMessage::kWithCovariance,
                                                  PoseMessage::kOdometry, PoseMessage::kTransform};
     if (chosen_.truth && chosen_.truth != kNone) return checked(*chosen_.truth, types);
-    const auto plain = one_of(chosen_.truth, PoseMessage::kType, "truth");
-    if (plain || chosen_.truth == kNone) return plain;
+    if (chosen_.truth == kNone) return std::nullopt;
+    // A PoseStamped is also where a robot is to go.
+    std::vector<std::size_t> plain;
+    for (const std::size_t each : recording_->of_type(PoseMessage::kType)) {
+      const bool is_wish = std::ranges::any_of(
+          std::array{"goal", "setpoint", "target", "cmd", "command"},
+          [&](const char* word) { return topic(each).name.find(word) != std::string::npos; });
+      if (!is_wish) plain.push_back(each);
+    }
+    if (plain.size() == 1) return plain.front();
+    if (plain.size() > 1) return one_of(std::nullopt, PoseMessage::kType, "truth");
     for (std::size_t i = 0; i < recording_->topics().size(); ++i) {
       const bool is_truth = topic(i).name.find("truth") != std::string::npos;
       const bool fits = std::ranges::find(types, topic(i).type) != types.end();
@@ -533,20 +572,39 @@ class Reader {
     return std::nullopt;
   }
 
+  /// What was not asked for, and is no truth, costs no recording.
   void read_truth() {
     if (!truth_topic_) return;
+    const std::string& name = topic(*truth_topic_).name;
+    try {
+      order(sequence_.truth, *truth_topic_);
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kBadInput || chosen_.truth) throw;
+      sequence_.truth.clear();
+      sequence_.warnings.push_back(name + " is not taken for truth: " + error.what());
+      return;
+    }
     const auto body =
         truth_frame_.empty() ? std::nullopt : transforms_.between(truth_frame_, body_);
     for (TruthRow& row : sequence_.truth) {
       if (body) row.body = row.body * *body;
     }
-    order(sequence_.truth, *truth_topic_);
+    // Truth of no frame's name is of the body, which is the IMU's where the recording has one.
+    const bool is_unplaced = !truth_frame_.empty() && truth_frame_ != body_ && !body;
+    const bool may_be_imus = truth_frame_.empty() && sequence_.imu.empty() &&
+                             !recording_->of_type(ImuMessage::kType).empty();
+    if (is_unplaced || may_be_imus) {
+      sequence_.warnings.push_back(fmt::format(
+          "nobody knows where {} sits on {}, whose path is estimated: errors against {} have that "
+          "in them",
+          is_unplaced ? truth_frame_ : "what " + name + " is of", body_, name));
+    }
   }
 
   /// Rows of all messages of a topic, as recorded. Where most have no stamp, the times of recording
   /// are taken.
   template <typename Row>
-  void order(std::vector<Row>& rows, std::size_t id) {
+  void order(std::vector<Row>& rows, std::size_t id, double finest_s = kFinest_s) {
     const auto none =
         std::ranges::count_if(rows, [](const Row& row) { return row.time == Nanos::zero(); });
     if (2 * none > std::ssize(rows)) {
@@ -564,7 +622,8 @@ class Reader {
     }
     std::erase_if(rows, [](const Row& row) { return row.time == kUnusable; });
     keep_rising(rows, topic(id).name, sequence_.warnings, Nanos::zero());
-    check_step("'" + recording_->file() + "': " + topic(id).name, stamps_of(rows));
+    check_step("'" + recording_->file() + "': " + topic(id).name, stamps_of(rows), std::nullopt,
+               finest_s);
   }
 
   std::shared_ptr<const Recording> recording_;

@@ -109,8 +109,19 @@ std::vector<std::string> gaps_of(const Sequence& sequence) {
   return found;
 }
 
+bool has_any(const fs::path& folder, std::initializer_list<const char*> names) {
+  return std::ranges::any_of(names, [&](const char* name) { return fs::exists(folder / name); });
+}
+
+/// Of a folder that has pictures in a layout: a recording that lies there, too, is what was made of
+/// it, or it of that.
 Sequence read_layout(const fs::path& folder, const ReadOptions& options) {
-  if (names_a_recording(folder)) return read_recording(folder, options);
+  const bool is_euroc = has_any(folder, {"mav0", "cam0"});
+  const bool is_kitti = has_any(folder, {"calib.txt", "image_0", "image_l"});
+  const bool is_recording = names_a_recording(folder);
+  if (is_recording && !((is_euroc || is_kitti) && !has_any(folder, {"metadata.yaml"}))) {
+    return read_recording(folder, options);
+  }
   const auto& topics = options.topics;
   if (topics.left || topics.right || topics.imu || topics.truth) {
     throw_bad_input("topics (--topics) are of recordings (.bag, .db3, .mcap), and '" +
@@ -122,12 +133,13 @@ Sequence read_layout(const fs::path& folder, const ReadOptions& options) {
                     ".mcap, the last two also with .zstd behind)" +
                     (fs::exists(folder) ? "" : ": there is nothing of that name"));
   }
-  if (fs::exists(folder / "mav0") || fs::exists(folder / "cam0")) {
-    return read_euroc(folder, options);
-  }
-  if (fs::exists(folder / "calib.txt") || fs::exists(folder / "image_0") ||
-      fs::exists(folder / "image_l")) {
-    return read_kitti(folder);
+  if (is_euroc || is_kitti) {
+    Sequence sequence = is_euroc ? read_euroc(folder, options) : read_kitti(folder);
+    if (is_recording) {
+      sequence.warnings.push_back("the recording that lies in '" + folder.string() +
+                                  "' is not read; its pictures are");
+    }
+    return sequence;
   }
   throw_bad_input(
       "'" + folder.string() +
@@ -135,10 +147,23 @@ Sequence read_layout(const fs::path& folder, const ReadOptions& options) {
       ".db3 or .mcap");
 }
 
+/// Two cameras at one place have no depth: one file was taken for both.
+void check_baseline(Sequence& sequence) {
+  if (sequence.cameras.size() < 2) return;
+  const Pose right_from_left =
+      sequence.cameras[1].body_from_camera.inverse() * sequence.cameras[0].body_from_camera;
+  if (right_from_left.position.norm() > 1e-3) return;
+  sequence.warnings.push_back(
+      "the calibration puts both cameras at one place; those of the second are not used");
+  sequence.cameras.resize(1);
+  for (Frame& frame : sequence.frames) frame.present.resize(1);
+}
+
 }  // namespace
 
 Sequence read_sequence(const fs::path& path, const ReadOptions& options) {
   Sequence sequence = read_layout(path, options);
+  check_baseline(sequence);
   for (std::size_t i = 0; i < sequence.cameras.size(); ++i) {
     const std::string odd = odd_camera(sequence.cameras[i]);
     if (odd.empty()) continue;

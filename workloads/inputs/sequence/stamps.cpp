@@ -21,9 +21,9 @@ Nanos usual_step(const std::vector<Nanos>& stamps) {
 
 }  // namespace
 
-void check_step(const std::string& what, std::vector<Nanos> stamps, std::optional<double> rate_hz) {
+void check_step(const std::string& what, std::vector<Nanos> stamps, std::optional<double> rate_hz,
+                double finest_s) {
   if (stamps.size() < 3) return;
-  constexpr double kFinest_s = 1e-5;  // no sensor of a robot has 100 kHz
   constexpr double kLongest_s = 60;
   constexpr double kFactor = 10;  // sequences are thinned out, but not filled up
   const double step_s = to_s(usual_step(stamps));
@@ -33,7 +33,7 @@ void check_step(const std::string& what, std::vector<Nanos> stamps, std::optiona
         "says {:g} Hz; are they microseconds? Give nanoseconds",
         what, step_s, 1 / std::max(step_s, 1e-9), *rate_hz));
   }
-  if (step_s < kFinest_s || step_s > kLongest_s) {
+  if (step_s < finest_s || step_s > kLongest_s) {
     throw_bad_input(fmt::format(
         "{}: its stamps are usually {:g} s apart; are they of another unit than is read here?",
         what, step_s));
@@ -113,6 +113,14 @@ void make_frames(Sequence& sequence, const std::vector<Nanos>& left, const Partn
                         names.second, names.first)
           : fmt::format("{} of {} frames of {} have no picture of {}", std::ssize(left) - pairs,
                         left.size(), names.first, names.second));
+}
+
+void frames_by_imu(Sequence& sequence, double later_s) {
+  if (sequence.imu.empty() || later_s == 0) return;
+  for (Frame& frame : sequence.frames) frame.time += from_s(later_s);
+  sequence.warnings.push_back(
+      fmt::format("pictures are put {:.3f} ms later, as the calibration says (timeshift_cam_imu)",
+                  1e3 * later_s));
 }
 
 }  // namespace pirt

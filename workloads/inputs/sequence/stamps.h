@@ -15,11 +15,14 @@ namespace pirt {
 /// guess.
 inline constexpr Nanos kLongestPrediction = std::chrono::seconds(30);
 
+/// No sensor of a robot has 100 kHz, and no camera 1 kHz.
+inline constexpr double kFinest_s = 1e-5, kFinestPicture_s = 1e-3;
+
 /// @param what     For the message: the file, the topic.
 /// @param rate_hz  What its calibration says, if that does.
 /// @throws Error{kBadInput} if the usual step between stamps cannot be: they are of another unit.
 void check_step(const std::string& what, std::vector<Nanos> stamps,
-                std::optional<double> rate_hz = {});
+                std::optional<double> rate_hz = {}, double finest_s = kFinest_s);
 
 /// Positions of the most stamps that rise strictly: one that is far ahead goes, not all after it.
 /// @param after  None up to this one: of messages 0, which is no stamp.
@@ -58,5 +61,8 @@ using Partners = std::vector<std::optional<std::size_t>>;
 /// @param names     Of the cameras, for warnings.
 void make_frames(Sequence& sequence, const std::vector<Nanos>& left, const Partners& partners,
                  const std::pair<std::string, std::string>& names);
+/// Where a calibration knows how much later the IMU's stamps are (Kalibr's timeshift_cam_imu),
+/// frames get its time. Nothing is done without an IMU.
+void frames_by_imu(Sequence& sequence, double later_s);
 
 }  // namespace pirt
