@@ -46,7 +46,9 @@ class CloudTest : public testing::Test {
                start_worker(worker) + script);
   }
   static std::string start_worker(const std::string& options = "") {
-    return quoted(kProgram) + " cloud-worker --server $url --slots 2 " + options +
+    // What an earlier one has said is none of this one's.
+    return "rm -f worker.log; " + quoted(kProgram) + " cloud-worker --server $url --slots 2 " +
+           options +
            " >worker.log 2>&1 & worker=$!; "
            "until grep -q 'with 2 slots' worker.log; do "
            "kill -0 $worker || { cat worker.log; exit 9; }; sleep 0.05; done; ";

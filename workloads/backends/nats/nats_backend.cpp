@@ -77,6 +77,7 @@ class CloudKernel : public Kernel {
     message_.workload = std::move(kind.name);
     message_.sizes = std::move(kind.sizes);
     message_.spec = cloud::spec_digest(workload);
+    known_by_ = kind.known_by;
   }
   ~CloudKernel() override { withdraw(); }
 
@@ -138,10 +139,14 @@ class CloudKernel : public Kernel {
     };
     if (blob != nullptr) {
       if (blob->size_bytes > most_bytes_) refuse(fmt::format("{} bytes", blob->size_bytes));
-      auto fetched =
-          cloud::fetch_blob(link_.connection(), link_.robot(),
-                            blob_at("out", fmt::format("{}-{}", task_.hex(), last_.send)), *blob,
-                            [this] { return is_unwanted(); });
+      auto fetched = cloud::fetch_blob(
+          link_.connection(), link_.robot(),
+          blob_at("out", fmt::format("{}-{}", task_.hex(), last_.send)), *blob,
+          [this] { return is_unwanted(); }, patience_);
+      if (fetched.how == cloud::Fetched::How::kNoAnswer && !link_.is_up()) {
+        throw_environment("the outputs of " + workload_.name +
+                          " were not read: " + link_.why_down());
+      }
       if (fetched.how != cloud::Fetched::How::kWhole) refuse("its outputs are not on the server");
       remove_blobs();
       last_.outputs = std::move(fetched.bytes);
@@ -167,8 +172,10 @@ class CloudKernel : public Kernel {
     const auto chunk = link_.connection().chunk_bytes();
     const std::uint64_t weights = parameters_.bytes == nullptr ? 0 : parameters_.bytes->size();
     is_large_ = sent_.size() > chunk;
-    const std::string problem =
-        link_.why_too_large(workload_.name, weights + (is_large_ ? sent_.size() : 0));
+    // What a worker answers lies on the stream when what was asked does no more.
+    const std::uint64_t moved = std::max<std::uint64_t>(is_large_ ? sent_.size() : 0,
+                                                        most_bytes_ > chunk ? most_bytes_ : 0);
+    const std::string problem = link_.why_too_large(workload_.name, weights + moved);
     if (!problem.empty()) throw_environment(problem);
     if (weights > 0) message_.parameters = cloud::Blob{parameters_.digest, weights, chunk};
     if (is_large_) {
@@ -178,7 +185,7 @@ class CloudKernel : public Kernel {
       message_.inputs = sent_;
     }
     flight_->begin(task_);
-    cloud::Submission call{.task = message_};
+    cloud::Submission call{.task = message_, .known_by = known_by_};
     if (expires_at_) call.time_left = std::max(*expires_at_ - clock_.now(), Nanos::zero());
     const auto tell = [flight = flight_, task = task_](auto change) { flight->tell(task, change); };
     call.taken = [tell] { tell([](Flight& of) { of.taken = true; }); };
@@ -189,9 +196,9 @@ class CloudKernel : public Kernel {
 
   void put(std::string_view what, const std::string& name, cloud::ByteView bytes) {
     const Nanos begin = clock_.now();
-    const std::string problem =
-        cloud::put_blob(link_.connection(), blob_at(what, name), bytes,
-                        link_.connection().chunk_bytes(), [this] { return is_unwanted(); });
+    const std::string problem = cloud::put_blob(
+        link_.connection(), blob_at(what, name), bytes, link_.connection().chunk_bytes(),
+        [this] { return is_unwanted(); }, patience_);
     if (!problem.empty()) throw_environment(workload_.name + " was not sent: " + problem);
     link_.measure(clock_.now() - begin, bytes.size());
   }
@@ -265,6 +272,7 @@ class CloudKernel : public Kernel {
   Parameters parameters_;
   std::uint64_t most_bytes_;  ///< Of outputs.
   cloud::TaskMessage message_;
+  std::optional<cloud::Digest> known_by_;
   std::span<const Tensor> inputs_;
   std::span<Tensor> outputs_;
   std::optional<Nanos> expires_at_;

@@ -42,9 +42,9 @@ bool in_window(std::uint32_t count, const Work& work) {
 
 /// Asks until there is an answer, as long as that may help.
 Connection::Answer ask(Connection& connection, const std::string& subject, ByteView data,
-                       const std::function<bool()>& stop) {
+                       const std::function<bool()>& stop, Nanos no_step) {
   const MachineClock clock;
-  for (const Nanos begin = clock.now(); !stop() && clock.now() - begin < kNoStep;) {
+  for (const Nanos begin = clock.now(); !stop() && clock.now() - begin < no_step;) {
     auto answer = connection.request(subject, data);
     if (answer.came) return answer;
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
@@ -61,7 +61,7 @@ std::span<Byte> part(std::span<Byte> bytes, std::uint32_t chunk_bytes, std::uint
 }  // namespace
 
 std::string put_blob(Connection& connection, const std::string& prefix, ByteView bytes,
-                     std::uint32_t chunk_bytes, const std::function<bool()>& stop) {
+                     std::uint32_t chunk_bytes, const std::function<bool()>& stop, Nanos no_step) {
   if (chunk_bytes < kLeastChunkBytes || chunk_bytes > connection.most_payload()) {
     return connection.why_no_chunks();
   }
@@ -70,7 +70,7 @@ std::string put_blob(Connection& connection, const std::string& prefix, ByteView
   const std::uint32_t count = Blob{{}, bytes.size(), chunk_bytes}.chunks();
   const bool all = in_window(count, [&](std::uint32_t number) {
     const auto answer = ask(connection, prefix + "." + std::to_string(number),
-                            part(bytes, chunk_bytes, number), stop);
+                            part(bytes, chunk_bytes, number), stop, no_step);
     const std::string why = answer.came
                                 ? read_answer(answer).why
                                 : "nothing stored what was sent to " + prefix +
@@ -85,12 +85,12 @@ std::string put_blob(Connection& connection, const std::string& prefix, ByteView
 }
 
 Fetched fetch_blob(Connection& connection, const std::string& robot, const std::string& prefix,
-                   const Blob& blob, const std::function<bool()>& stop) {
+                   const Blob& blob, const std::function<bool()>& stop, Nanos no_step) {
   Fetched fetched{Fetched::How::kWhole, Bytes(static_cast<std::size_t>(blob.size_bytes))};
   const std::string direct = fmt::format("$JS.API.DIRECT.GET.{}.{}.", blob_stream(robot), prefix);
   std::atomic<Fetched::How> how = Fetched::How::kWhole;
   const bool all = in_window(blob.chunks(), [&](std::uint32_t number) {
-    const auto answer = ask(connection, direct + std::to_string(number), {}, stop);
+    const auto answer = ask(connection, direct + std::to_string(number), {}, stop, no_step);
     const auto to = part(std::span(fetched.bytes), blob.chunk_bytes, number);
     if (!answer.came || answer.status == kNobody) {
       how = Fetched::How::kNoAnswer;

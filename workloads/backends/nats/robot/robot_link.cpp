@@ -17,6 +17,7 @@ namespace {
 constexpr Nanos kAskAgain = std::chrono::seconds(1);
 constexpr Nanos kLongestWait = std::chrono::hours(1);
 constexpr std::size_t kMostHeard = 1024;  ///< Workers.
+constexpr std::size_t kMostHello = 64 << 10;
 /// A message that no measurement of the bandwidth follows from.
 constexpr std::size_t kSmall = 64 << 10;
 /// Of what is measured, in what is known from before.
@@ -46,12 +47,33 @@ void RobotLink::with_caller(Step step) {
     told.swap(told_);
   }
   changed_.notify_all();
+  say_all();
   for (const auto& each : told) each();
+}
+
+/// In order, by whoever comes first, and without the lock: a server that does not read holds up
+/// who publishes, and nobody who asks whether there is a link.
+void RobotLink::say_all() {
+  std::unique_lock lock(mutex_);
+  if (std::exchange(saying_, true)) return;
+  while (!said_.empty()) {
+    const auto [to, frame] = std::move(said_.front());
+    said_.pop_front();
+    lock.unlock();
+    connection_->publish(to, frame);
+    lock.lock();
+  }
+  saying_ = false;
 }
 
 template <typename Said>
 void RobotLink::subscribe(const std::string& subject, void (RobotLink::*handler)(const Said&)) {
   connection_->subscribe(subject, [this, handler](const Incoming& message) {
+    // Those of a worker that are large are replies, whose outputs somebody waits for.
+    const bool is_large = message.data.size() > kMostHello;
+    if (std::is_same_v<Said, HelloMessage> && is_large) {
+      return note("a worker announces itself in more bytes than there are workloads");
+    }
     const auto said = decode_as<Said>(message.data);
     if (said.value) return (this->*handler)(*said.value);
     note("a worker says what cannot be read: " + said.problem);
@@ -78,9 +100,12 @@ RobotLink::RobotLink(const RobotOptions& options)
 
 RobotLink::~RobotLink() {
   server_ = {};
-  const std::lock_guard lock(mutex_);
-  while (!running_.empty()) caller_.cancel(running_.begin()->first);
-  told_.clear();
+  {
+    const std::lock_guard lock(mutex_);
+    while (!running_.empty()) caller_.cancel(running_.begin()->first);
+    told_.clear();
+  }
+  say_all();
 }
 
 void RobotLink::serve(const std::stop_token& stop) {
@@ -116,7 +141,15 @@ void RobotLink::note(const std::string& problem) {
 void RobotLink::ask_for_stream() {
   const auto answer =
       connection_->request("$JS.API.STREAM.INFO." + blob_stream(options_.robot), "", kAskAgain);
-  if (!answer.came) return;
+  if (!answer.came) {
+    if (!connection_->is_up()) return;
+    const std::lock_guard lock(mutex_);
+    no_stream_ = fmt::format(
+        "it does not say whether robot '{}' has a stream; may this user be that robot (pirt "
+        "cloud-admin permissions)?",
+        options_.robot);
+    return;
+  }
   StreamAnswer stream = read_answer(answer);
   if (stream.error == kNoStream) {
     stream.why = fmt::format("no stream for robot '{}'; run `pirt cloud-admin setup --robots {}`",
@@ -151,11 +184,11 @@ void RobotLink::ready(const TaskId& task) {
 }
 
 void RobotLink::offer(std::uint32_t waiting) {
-  connection_->publish(subject("offer", options_.robot), encode(OfferMessage{run_, waiting}));
+  said_.emplace_back(subject("offer", options_.robot), encode(OfferMessage{run_, waiting}));
 }
 
 void RobotLink::give_nothing(std::uint64_t worker) {
-  connection_->publish(task_subject(options_.robot, worker), encode(OfferMessage{run_, 0}));
+  said_.emplace_back(task_subject(options_.robot, worker), encode(OfferMessage{run_, 0}));
 }
 
 void RobotLink::give(const GivenTask& given) {
@@ -167,10 +200,10 @@ void RobotLink::give(const GivenTask& given) {
   message.send = given.send;
   message.waiting = given.waiting;
   message.time_left = given.time_left;
-  const Bytes frame = encode(message);
+  Bytes frame = encode(message);
   running.given = clock_.now();
   running.sent_bytes = frame.size();
-  connection_->publish(task_subject(options_.robot, given.worker), frame);
+  said_.emplace_back(task_subject(options_.robot, given.worker), std::move(frame));
 }
 
 void RobotLink::missing(const TaskId& task) {
@@ -181,7 +214,7 @@ void RobotLink::missing(const TaskId& task) {
 }
 
 void RobotLink::withdraw(const TaskId& task) {
-  connection_->publish(subject("cancel", options_.robot), encode(CancelMessage{task}));
+  said_.emplace_back(subject("cancel", options_.robot), encode(CancelMessage{task}));
 }
 
 void RobotLink::end(const TaskId& task, CallEndKind how, const std::string& problem,
@@ -231,20 +264,31 @@ void RobotLink::heard_hello(const HelloMessage& hello) {
   });
 }
 
+namespace {
+
+/// As what @p known_by says, where the name alone does not.
+bool knows(const HelloMessage& worker, const std::string& workload,
+           const std::optional<Digest>& known_by) {
+  return std::ranges::any_of(worker.workloads, [&](const HelloMessage::Known& known) {
+    return known.workload == workload && (!known_by || known.spec == *known_by);
+  });
+}
+
+}  // namespace
+
 /// A task goes to a worker that knows its workload, if there is one.
 void RobotLink::claimed(const ClaimMessage& claim) {
   if (claim.run != run_) return;  // Of another program of this robot's name.
   const auto takes = [&](const TaskId& task) {
     const auto running = running_.find(task);
     if (running == running_.end()) return false;
-    const auto knows = [&](const Worker& worker) {
-      return std::ranges::any_of(worker.said.workloads, [&](const auto& known) {
-        return known.workload == running->second.submission.task.workload;
-      });
+    const Submission& submission = running->second.submission;
+    const auto its = [&](const Worker& worker) {
+      return knows(worker.said, submission.task.workload, submission.known_by);
     };
     const auto asks = workers_.find(claim.worker);
-    if (asks != workers_.end() && knows(asks->second)) return true;
-    return std::ranges::none_of(workers_, [&](const auto& each) { return knows(each.second); });
+    if (asks != workers_.end() && its(asks->second)) return true;
+    return std::ranges::none_of(workers_, [&](const auto& each) { return its(each.second); });
   };
   with_caller([&](Nanos now) { caller_.claimed(claim.worker, takes, now); });
 }
@@ -314,12 +358,10 @@ std::string RobotLink::why_not(const Workload& workload) const {
   for (const auto& [instance, worker] : workers_) {
     const std::string who =
         fmt::format("worker {} (pirt {})", worker.said.worker, worker.said.version);
-    why = fmt::format("{} does not know {}{}", who, kind.name, kind.missing);
-    for (const auto& known : worker.said.workloads) {
-      if (known.workload != kind.name) continue;
-      if (!kind.known_by || known.spec == *kind.known_by) return "";
-      why = fmt::format("{} has another {}: {}", who, kind.name, kind.differs);
-    }
+    if (knows(worker.said, kind.name, kind.known_by)) return "";
+    why = knows(worker.said, kind.name, {})
+              ? fmt::format("{} has another {}: {}", who, kind.name, kind.differs)
+              : fmt::format("{} does not know {}{}", who, kind.name, kind.missing);
   }
   return why;
 }

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -14,6 +15,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "workloads/backends/nats/link/administration.h"
@@ -43,6 +45,7 @@ struct TaskEnd {
 struct Submission {
   TaskMessage task = {};                ///< Whole, but for its numbers and times.
   std::optional<Nanos> time_left = {};  ///< From now; then nobody wants it any more.
+  std::optional<Digest> known_by = {};  ///< As of Kind: whose name alone does not say what it is.
   /// From a thread of the link's; may be empty. `ended` comes in any case, and once.
   std::function<void()> taken = {};    ///< By a worker; once.
   std::function<void()> missing = {};  ///< On the stream: what it says is there. Then ready().
@@ -100,7 +103,7 @@ class RobotLink : private CallerEvents {
     Nanos at{0};
   };
 
-  // Of CallerEvents: what others have to hear is told once the lock is gone.
+  // Of CallerEvents: what others have to hear is told, and said to them, once the lock is gone.
   void offer(std::uint32_t waiting) override;
   void give(const GivenTask& given) override;
   void give_nothing(std::uint64_t worker) override;
@@ -111,6 +114,7 @@ class RobotLink : private CallerEvents {
 
   template <typename Step>
   void with_caller(Step step);
+  void say_all();
   void serve(const std::stop_token& stop);
   void ask_for_stream();
   void claimed(const ClaimMessage& claim);
@@ -129,8 +133,10 @@ class RobotLink : private CallerEvents {
   std::condition_variable_any changed_;
   Caller caller_;
   std::map<TaskId, Running> running_;
-  std::vector<std::function<void()>> told_;  ///< What somebody has to hear.
-  Nanos ask_at_ = Nanos::max();              ///< For the robot's stream.
+  std::vector<std::function<void()>> told_;         ///< What somebody has to hear.
+  std::deque<std::pair<std::string, Bytes>> said_;  ///< Subjects and messages, not yet published.
+  bool saying_ = false;                             ///< Some thread publishes them.
+  Nanos ask_at_ = Nanos::max();                     ///< For the robot's stream.
   LinkEstimate estimate_;
   std::string problem_;
   std::int64_t stream_bytes_ = 0;  ///< That its stream may have; below 1 = any number.

@@ -24,12 +24,21 @@ std::string counted(const WorkerCounts& counts) {
       counts.malformed);
 }
 
-/// Once there is a link. Where an administrator makes the streams, a worker may not.
+/// Once there is a link. Where an administrator makes the streams, a worker may not; and what is
+/// there is the administrator's.
 void look_at_server(Connection& connection, const ServiceEvents& events) {
   if (connection.chunk_bytes() == 0) throw_environment(connection.why_no_chunks());
   const std::string first = "$JS.API.STREAM.INFO.PIRT_" + Setup{}.robots[0];
-  if (!connection.request(first, "", std::chrono::seconds(1)).came) return;
-  for (const std::string& line : set_up(connection, {})) events.say(line);
+  const auto answer = connection.request(first, "", std::chrono::seconds(1));
+  if (!answer.came) return;
+  const StreamAnswer stream = read_answer(answer);
+  if (stream.error == 0) return;
+  try {
+    for (const std::string& line : set_up(connection, {})) events.say(line);
+  } catch (const Error& error) {
+    if (stream.error != kNoStream) throw;  // Such as no JetStream at all.
+    events.say(error.what());              // Robots of other names may have theirs.
+  }
 }
 
 }  // namespace

@@ -18,6 +18,7 @@
 namespace pirt::cloud {
 namespace {
 
+// First nothing, with its length: it is ready.
 // A call: the robot's name and a frame with the task; where the answer is that its parameters are
 // missing, those, or nothing for none; then a frame with the reply. Each with its length before it.
 
@@ -81,7 +82,8 @@ class ProcessComputer : public Computer {
   ProcessComputer& operator=(const ProcessComputer&) = delete;
 
   void compute(const Call& call, ReplyMessage& reply) override {
-    if (process_ <= 0) start();
+    died_ = false;
+    if (process_ <= 0 && !start(call, reply)) return;
     const auto own = program_.call_limits.find(call.workload.get());
     const Nanos limit = own != program_.call_limits.end() ? own->second : program_.call_limit;
     Nanos until = clock_.now() + limit;
@@ -98,10 +100,17 @@ class ProcessComputer : public Computer {
       until += clock_.now() - asked;
       return bytes;
     };
-    if (exchange(line, {call.robot, call.task, call.workload, parameters}, reply)) return;
+    try {
+      if (exchange(line, {call.robot, call.task, call.workload, parameters}, reply)) return;
+    } catch (...) {  // What it was in the middle of would be taken for the next call's.
+      ::kill(process_, SIGKILL);
+      static_cast<void>(end());
+      throw;
+    }
     const bool over = clock_.now() >= until;
     if (over) ::kill(process_, SIGKILL);
     const std::string how = end();
+    died_ = true;
     if (over && ends) {
       reply.kind = ReplyKind::kLater;
       reply.problem = "the worker ends";
@@ -112,7 +121,7 @@ class ProcessComputer : public Computer {
                                          to_s(limit))
                            : "its process " + how);
   }
-  [[nodiscard]] bool is_gone() const override { return process_ <= 0; }
+  [[nodiscard]] bool is_gone() const override { return died_; }
 
  private:
   /// @return  False once the line has ended.
@@ -138,6 +147,30 @@ class ProcessComputer : public Computer {
     reply.execute = said.value->execute;
     reply.outputs = std::move(said.value->outputs);
     return true;
+  }
+
+  /// Until the process says that it computes. One that does not is no fault of the call's.
+  bool start(const Call& call, ReplyMessage& reply) {
+    constexpr Nanos kStart = std::chrono::seconds(60), kAgain = std::chrono::seconds(1);
+    std::string how;
+    try {
+      start();
+      const Nanos until = clock_.now() + kStart;
+      Bytes none;
+      const Line line(line_, [&] { return !call.stop() && clock_.now() < until; });
+      if (line.get(none, 0)) return true;
+      ::kill(process_, SIGKILL);
+      how = "its process " + end();
+    } catch (const Error& error) {
+      how = error.what();
+    }
+    // It would be claimed again at once.
+    for (const Nanos next = clock_.now() + kAgain; !call.stop() && clock_.now() < next;) {
+      ::usleep(10'000);
+    }
+    reply.kind = ReplyKind::kLater;
+    reply.problem = "a slot of the worker could not start (its output says why): " + how;
+    return false;
   }
 
   void start() {
@@ -193,6 +226,7 @@ class ProcessComputer : public Computer {
   MachineClock clock_;
   pid_t process_ = -1;
   int line_ = -1;
+  bool died_ = false;  ///< With the last call.
 };
 
 /// @param has_parameters  False where the other end has none: it waits for no reply then.
@@ -226,6 +260,7 @@ std::unique_ptr<Computer> make_process_computer(SlotProgram program) {
 
 bool serve_computer(Computer& computer, const Admission& admission, int descriptor) {
   const Line line(descriptor);
+  if (!line.put({})) return true;
   Bytes name, frame;
   while (line.get(name, 64) && line.get(frame, kMostFrame)) {
     const std::string robot(reinterpret_cast<const char*>(name.data()), name.size());

@@ -97,6 +97,7 @@ WorkerLink::WorkerLink(const WorkerOptions& options, std::span<const Workload* c
 WorkerLink::~WorkerLink() {
   stopping_ = true;
   server_ = {};  // Nothing is claimed any more.
+  for (std::jthread& slot : slots_) slot.request_stop();
   slots_.clear();
 }
 
@@ -293,7 +294,12 @@ void WorkerLink::finish(const std::shared_ptr<Job>& job, ReplyMessage reply, boo
   try {
     if (unwanted || say(*job, reply) || stopping_) return;
     // Once more when there is a link again.
-    if (connection_->wait_until_up(std::chrono::seconds(10))) say(*job, std::move(reply));
+    for (int looks = 0; looks < 100 && !stopping_; ++looks) {
+      if (connection_->wait_until_up(std::chrono::milliseconds(100))) {
+        say(*job, std::move(reply));
+        return;
+      }
+    }
   } catch (const std::exception& error) {
     note(error.what());
   }
