@@ -39,7 +39,7 @@ struct Machine {
                                  const std::string& why = "", bool strict = false);
 
 /// The paper's three modes on its closed loop of convolutions.
-[[nodiscard]] ModeRuns table5_of(const Machine& machine);
+[[nodiscard]] ModeRuns table5_of(const Machine& machine, bool strict);
 
 struct ReportInputs {
   std::vector<Machine> machines;    ///< Empty: nothing was measured, there are modes or runs alone.

@@ -227,7 +227,7 @@ constexpr std::int64_t kMostRedrawnTasks = 100'000;
 void shorten(std::int64_t tasks, Nanos given, ScheduleOptions& options, Mix& mix) {
   const double part = static_cast<double>(kMostRedrawnTasks) / static_cast<double>(tasks);
   if (part >= 1) return;
-  options.duration = scaled(given, part);
+  if (mix.open_loop()) options.duration = scaled(given, part);
   for (Pipeline& pipeline : mix.pipelines) {
     if (pipeline.frames) {
       pipeline.frames = std::max<std::int64_t>(

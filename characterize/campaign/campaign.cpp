@@ -412,6 +412,7 @@ class Campaign {
       }
       const auto record = sampler.measure(each);
       if (record) writer_.write_unit_times(summary_.run_id, {&*record, 1});
+      summary_.interrupted = summary_.interrupted || stopped();
     }
   }
 

@@ -30,6 +30,11 @@ template <typename Row>
 [[nodiscard]] bool is_used(const Row& row) {
   return row.reasons.empty();
 }
+/// @param strict  Neither does anything say that it is uncertain.
+template <typename Row>
+[[nodiscard]] bool is_used(const Row& row, bool strict) {
+  return row.reasons.empty() && (!strict || row.doubts.empty());
+}
 template <typename Row>
 [[nodiscard]] bool is_doubted(const Row& row) {
   return row.reasons.empty() && !row.doubts.empty();

@@ -55,8 +55,8 @@ std::span<const PaperPreference> paper_preferences() { return kTable3; }
 std::string Ranking::preferable() const {
   if (units.empty()) return "-";
   std::string text = units[0].unit;
-  for (std::size_t i = 1; i < units.size() && units[i].low <= units[0].high; ++i) {
-    text += " = " + units[i].unit;
+  for (std::size_t i = 1; i < units.size(); ++i) {
+    if (units[i].low <= units[0].high) text += " = " + units[i].unit;
   }
   return text;
 }

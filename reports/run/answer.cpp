@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <tuple>
 
 #include "reports/document/figures.h"
 #include "reports/run/run_report.h"
@@ -132,6 +133,13 @@ Runs best_by_tail(std::span<const RunRecord* const> among, std::span<const RunRe
   });
 }
 
+bool comparable(const RunRecord& a, const RunRecord& b) {
+  const auto key = [](const RunRecord& r) {
+    return std::tie(r.platform, r.mix, r.profile, r.draw, r.duration_s, r.seed, r.time);
+  };
+  return key(a) == key(b);
+}
+
 std::vector<std::string> ModeAnswer::lines() const {
   std::vector<std::string> all = {sentence};
   if (!doubts.empty()) all.push_back(doubts);
@@ -142,6 +150,15 @@ ModeAnswer answer_of(const ModeRuns& modes) {
   ModeAnswer answer;
   if (modes.runs.empty()) {
     answer.sentence = "No mode could run: " + join(reason_lines(modes.skipped), "; ");
+    return answer;
+  }
+  for (const RunRecord& run : modes.runs) {
+    if (comparable(run, modes.runs.front())) continue;
+    answer.sentence = fmt::format(
+        "NOT COMPARABLE, so that no mode is named: {} ran {} on {} in {} time, {} ran {} on {} in "
+        "{} time, or their profile, draw, duration or seed differ.",
+        modes.runs.front().mode, modes.runs.front().mix, modes.runs.front().platform,
+        modes.runs.front().time, run.mode, run.mix, run.platform, run.time);
     return answer;
   }
   answer.doubts = doubts_text(modes.runs.front());
@@ -157,18 +174,19 @@ ModeAnswer answer_of(const ModeRuns& modes) {
                                            kept.size() == 1 ? "s" : "");
   Runs best;
   if (kept.empty()) {
-    best = best_by(all, "real_time_losses");
+    best = best_by(best_by(all, "real_time_losses"), "real_time_queued");
     answer.modes = modes_of(best);
-    const auto lost = real_time_losses(*best.front());
-    const std::string firings = fmt::format("{} real-time firing{}", lost, lost == 1 ? "" : "s");
+    const auto lost = real_time_losses(*best.front()), queued = real_time_queued(*best.front());
+    const std::string firings =
+        fmt::format("{} real-time firing{} late or dropped{}", lost, lost == 1 ? "" : "s",
+                    queued == 0 ? "" : fmt::format(" and {} queued", queued));
     if (all.size() == 1) {
-      answer.sentence =
-          fmt::format("{} does not keep up: {} late or dropped.", best.front()->mode, firings);
+      answer.sentence = fmt::format("{} does not keep up: {}.", best.front()->mode, firings);
       return answer;
     }
-    answer.sentence = fmt::format(
-        "No mode keeps up. Take {}: with {} late or dropped, it loses the fewest{}.",
-        any_of(answer.modes), firings, best.size() > 1 ? "; these cannot be told apart" : "");
+    answer.sentence = fmt::format("No mode keeps up. Take {}: with {}, it loses the fewest{}.",
+                                  any_of(answer.modes), firings,
+                                  best.size() > 1 ? "; these cannot be told apart" : "");
     return answer;
   }
   const bool by_energy = std::ranges::all_of(kept, known);
@@ -204,7 +222,7 @@ std::vector<Table> answer_tables(std::span<const RunRecord> runs) {
     if (runs.size() > kModesATable) {
       table.title += fmt::format(", {} to {} of {}", begin + 1, begin + some.size(), runs.size());
     }
-    for (const RunRecord& run : some) table.columns.push_back({run.mode});
+    for (const RunRecord& run : some) table.columns.push_back({column_name(run, runs)});
     const auto row = [&](const std::string& what, const auto& cell) {
       std::vector<std::string> cells = {what};
       for (const RunRecord& run : some) cells.push_back(cell(run));

@@ -32,8 +32,11 @@ namespace pirt {
 [[nodiscard]] std::vector<const RunRecord*> best_by_tail(std::span<const RunRecord* const> among,
                                                          std::span<const RunRecord> runs);
 
+/// Whether their figures may be ranked: same platform, mix, profile, draw, duration, seed and time.
+[[nodiscard]] bool comparable(const RunRecord& a, const RunRecord& b);
+
 struct ModeAnswer {
-  std::vector<std::string> modes = {};  ///< To take; empty: none ran.
+  std::vector<std::string> modes = {};  ///< To take; empty: none ran, or they are not comparable.
   std::string sentence = {};
   std::string doubts = {};  ///< What of it is uncertain, and what to do; empty: nothing is.
   [[nodiscard]] std::vector<std::string> lines() const;

@@ -138,13 +138,16 @@ Paragraph starvation(const ModeRuns& comparison, const Mix& mix) {
   for (const auto& advanced : comparison.runs) {
     const RunRecord* basic = advanced.basic ? find_run(comparison, *advanced.basic) : nullptr;
     if (basic == nullptr) continue;
-    for (std::size_t p = 0; p < mix.pipelines.size(); ++p) {
-      if (!mix.pipelines[p].real_time || mix.pipelines[p].has_image_input()) continue;
+    if (advanced.mix != mix.name || basic->mix != mix.name) continue;  // Stored runs of another.
+    for (const Pipeline& pipeline : mix.pipelines) {
+      if (!pipeline.real_time || pipeline.has_image_input()) continue;
+      const PipelineResult* under = advanced.find_pipeline(pipeline.name);
+      const PipelineResult* without = basic->find_pipeline(pipeline.name);
+      if (under == nullptr || without == nullptr) continue;
       paragraph.lines.push_back(fmt::format(
           "{} without images, under strict priority of images ({}): {}; without ({}): {}",
-          mix.pipelines[p].name, advanced.mode,
-          tail_text(advanced.pipelines[p], marks_of(advanced).time), basic->mode,
-          tail_text(basic->pipelines[p], marks_of(*basic).time)));
+          pipeline.name, advanced.mode, tail_text(*under, marks_of(advanced).time), basic->mode,
+          tail_text(*without, marks_of(*basic).time)));
     }
   }
   return paragraph;

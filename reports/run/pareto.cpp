@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <tuple>
 
 #include "reports/document/figures.h"
 #include "reports/run/answer.h"
@@ -23,13 +22,6 @@ bool beats(const ModePoint& a, const ModePoint& b) {
   const bool as_good =
       a.rate_per_ms >= b.rate_per_ms && a.energy_mj <= b.energy_mj && a.tail <= b.tail;
   return as_good && (a.rate_per_ms > b.rate_per_ms || a.energy_mj < b.energy_mj || a.tail < b.tail);
-}
-
-bool comparable(const RunRecord& a, const RunRecord& b) {
-  const auto key = [](const RunRecord& r) {
-    return std::tie(r.platform, r.mix, r.profile, r.draw, r.duration_s, r.seed, r.time);
-  };
-  return key(a) == key(b);
 }
 
 Origin provenance_of(const RunRecord& run) {

@@ -477,6 +477,12 @@ Document run_document(const RunRecord& run) {
   return document;
 }
 
+std::string column_name(const RunRecord& run, std::span<const RunRecord> runs) {
+  const bool one_time =
+      std::ranges::all_of(runs, [&](const RunRecord& each) { return each.time == run.time; });
+  return one_time ? run.mode : run.mode + ", " + run.time;
+}
+
 Table modes_table(std::span<const RunRecord> runs) {
   Table table{.title = "Modes side by side (the paper's Table V for this platform and mix)",
               .columns = {{"", Align::kLeft}}};
@@ -486,9 +492,7 @@ Table modes_table(std::span<const RunRecord> runs) {
         "Modes side by side: mix {} on {}, {} time (the paper's Table V for this platform)",
         runs[0].mix, runs[0].platform, one_time ? runs[0].time : "virtual and live");
   }
-  for (const auto& run : runs) {
-    table.columns.push_back({one_time ? run.mode : run.mode + ", " + run.time});
-  }
+  for (const auto& run : runs) table.columns.push_back({column_name(run, runs)});
   ModesTable rows(runs);
   add_totals(rows);
   for (const auto& unit : names_of(runs, &RunRecord::units, &UnitResult::unit))

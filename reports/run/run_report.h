@@ -31,6 +31,9 @@ struct RunMarks {
 /// What one run did: totals, units, pipelines, weights, and what its figures rest on.
 [[nodiscard]] Document run_document(const RunRecord& run);
 
+/// The mode, with the time where that is not the same of all.
+[[nodiscard]] std::string column_name(const RunRecord& run, std::span<const RunRecord> runs);
+
 /// One column a run, one row a figure. Runs of different platforms or mixes are marked as not
 /// comparable.
 [[nodiscard]] Table modes_table(std::span<const RunRecord> runs);

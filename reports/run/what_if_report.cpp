@@ -2,6 +2,8 @@
 
 #include <fmt/core.h>
 
+#include <utility>
+
 #include "reports/document/figures.h"
 
 namespace pirt {
@@ -16,11 +18,12 @@ std::string verdict(const WhatIfRow& row) {
   return row.breaks ? "gives" : "holds as far as was tried";
 }
 
-/// "1.20 (1.05 to 1.40)": with all calls as long as they may be, and as short; "-": not as it is.
+/// "1.20 (1.05 to 1.40)": with all calls as long as they may be and as short; "-": not as it is.
 std::string holds_text(const WhatIfRow& row) {
   if (!row.holds_if_long && !row.holds_if_short) return figure(row.holds);
-  return fmt::format("{} ({} to {})", figure(row.holds), figure(row.holds_if_long),
-                     figure(row.holds_if_short));
+  auto low = row.holds_if_long, high = row.holds_if_short;
+  if (low && high && *low > *high) std::swap(low, high);  // Of a cap longer calls need more.
+  return fmt::format("{} ({} to {})", figure(row.holds), figure(low), figure(high));
 }
 
 }  // namespace

@@ -30,6 +30,7 @@ RunFigures figures_of(const RunRecord& run) {
   add("p99_latency_ms", run.p99_latency_ms);
   add("p99_of_deadline", p99_of_deadline(run));
   add("real_time_losses", static_cast<double>(real_time_losses(run)));
+  add("real_time_queued", static_cast<double>(real_time_queued(run)));
   add("keeps_up", keeps_up(run) ? 1 : 0);
   for (const PipelineResult& pipeline : run.pipelines) {
     add("pipelines." + pipeline.pipeline + ".p99_ms", pipeline.p99_ms);
@@ -67,7 +68,13 @@ bool cannot_tell(const RunRecord& a, const RunRecord& b, const std::string& figu
   const RunFigures figures_b = figures_of(b);
   const auto of_a = figures_a.find(figure);
   const auto of_b = figures_b.find(figure);
-  return of_a != figures_a.end() && of_b != figures_b.end() && of_a->second == of_b->second;
+  if (of_a == figures_a.end() || of_b == figures_b.end()) return false;
+  const auto around = [&](const RunRecord& run, double value) {
+    const auto found = run.intervals.find(figure);
+    return found == run.intervals.end() ? FigureInterval{value, value} : found->second;
+  };
+  const FigureInterval its_a = around(a, of_a->second), its_b = around(b, of_b->second);
+  return its_a.low <= its_b.high && its_b.low <= its_a.high;
 }
 
 }  // namespace pirt

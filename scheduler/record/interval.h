@@ -13,8 +13,8 @@ namespace pirt {
 
 /// The figures of a run that are compared and shown with an interval, by name: "throughput_per_ms",
 /// "energy_j", "average_power_w", "mean_latency_ms", "p99_latency_ms", "p99_of_deadline",
-/// "real_time_losses", "keeps_up" (0 or 1), "pipelines.NAME.p99_ms". Those that are not known are
-/// not there.
+/// "real_time_losses", "real_time_queued", "keeps_up" (0 or 1), "pipelines.NAME.p99_ms". Those that
+/// are not known are not there.
 using RunFigures = std::map<std::string, double>;
 [[nodiscard]] RunFigures figures_of(const RunRecord& run);
 
@@ -24,7 +24,8 @@ using RunFigures = std::map<std::string, double>;
     std::span<const RunFigures> redrawn);
 
 /// Whether a figure of two runs cannot be told apart: the interval of its paired difference, on the
-/// same redrawn profiles, holds 0; without redrawn ones, whether the two are the same.
+/// same redrawn profiles, holds 0. Of stored runs, which have none: their intervals overlap, or,
+/// where they have none either, the two are the same.
 [[nodiscard]] bool cannot_tell(const RunRecord& a, const RunRecord& b, const std::string& figure);
 
 }  // namespace pirt

@@ -46,6 +46,12 @@ std::int64_t real_time_losses(const RunRecord& run) {
   return losses;
 }
 
+std::int64_t real_time_queued(const RunRecord& run) {
+  std::int64_t queued = 0;
+  for (const PipelineResult& pipeline : run.pipelines) queued += shortfall_of(pipeline).queued;
+  return queued;
+}
+
 std::optional<double> p99_of_deadline(const RunRecord& run) {
   std::optional<double> worst;
   for (const PipelineResult& pipeline : run.pipelines) {

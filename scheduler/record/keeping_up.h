@@ -21,8 +21,9 @@ struct Shortfall {
 [[nodiscard]] bool keeps_up(const RunRecord& run);
 /// Firings of all pipelines past their deadline.
 [[nodiscard]] std::int64_t deadline_misses(const RunRecord& run);
-/// Late and dropped firings of its real-time pipelines.
+/// Late and dropped firings of its real-time pipelines, and those of them that are queued.
 [[nodiscard]] std::int64_t real_time_losses(const RunRecord& run);
+[[nodiscard]] std::int64_t real_time_queued(const RunRecord& run);
 
 /// Of real-time pipelines with a deadline, the largest p99 from firing to completion as a part of
 /// the deadline; absent if none has one, or none completed.

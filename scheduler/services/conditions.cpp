@@ -8,20 +8,15 @@
 namespace pirt {
 namespace {
 
-Distribution drawn(Nanos median, Nanos p95, const std::vector<Nanos>& values, Draw draw) {
-  switch (draw) {
-    case Draw::kMedian:
-      return Distribution::constant(median);
-    case Draw::kP95:
-      return Distribution::constant(p95);
-    case Draw::kSamples:
-      break;
-  }
-  return Distribution::of(values);
+/// @param row  Has samples.
+template <typename Row>
+Distribution drawn(const Row& row, Draw draw) {
+  if (draw == Draw::kSamples) return Distribution::of(row.values);
+  return Distribution::constant(draw == Draw::kP95 ? row.p95.value_or(*row.median) : *row.median);
 }
 
-const PhaseRow* usable(const PhaseRow* row) {
-  return row != nullptr && is_used(*row) && row->median ? row : nullptr;
+const PhaseRow* usable(const PhaseRow* row, bool strict) {
+  return row != nullptr && is_used(*row, strict) && row->median ? row : nullptr;
 }
 
 /// Of a row with samples, what 95 of 100 calls do not exceed; of a doubted one, no less than where
@@ -45,13 +40,13 @@ bool waits_for_memory(const Profile& profile, const PhaseRow& steady) {
 
 /// What reading again after a while took, between reading at once and after a sweep. Nothing where
 /// those two are as good as the same: then there is nothing to lose.
-std::vector<UnitConditions::Forgotten> forgotten_by(const Profile& profile,
-                                                    const std::string& unit) {
+std::vector<UnitConditions::Forgotten> forgotten_by(const Profile& profile, const std::string& unit,
+                                                    bool strict) {
   constexpr double kSame = 1.1;
   std::vector<const UnitTimeRow*> after;
   const UnitTimeRow* cold = nullptr;
   for (const UnitTimeRow& row : profile.unit_times) {
-    if (row.unit != unit || !is_used(row) || !row.median) continue;
+    if (row.unit != unit || !is_used(row, strict) || !row.median) continue;
     if (row.phase == UnitPhase::kReread) after.push_back(&row);
     if (row.phase == UnitPhase::kRereadCold) cold = &row;
   }
@@ -80,20 +75,18 @@ std::int64_t fact_of(const Profile& profile, const std::string& unit, std::strin
 
 Nanos usual_worst_of(const PhaseRow& row) { return worst_of(row); }
 
-Distribution time_of(const PhaseRow& row, Draw draw) {
-  return drawn(*row.median, row.p95.value_or(*row.median), row.values, draw);
-}
+Distribution time_of(const PhaseRow& row, Draw draw) { return drawn(row, draw); }
 
 std::optional<CallConditions> call_conditions(const Profile& profile, const std::string& workload,
                                               const std::string& unit, std::int64_t bytes,
-                                              Draw draw) {
+                                              Draw draw, bool strict) {
   if (profile.conditions.empty()) return std::nullopt;
-  const PhaseRow* steady = usable(profile.find(workload, unit, Phase::kExecute));
+  const PhaseRow* steady = usable(profile.find(workload, unit, Phase::kExecute), strict);
   if (steady == nullptr || std::ranges::find(steady->notes, "live") != steady->notes.end()) {
     return std::nullopt;
   }
   const auto find = [&](Condition condition) {
-    return usable(profile.find_condition(workload, unit, condition));
+    return usable(profile.find_condition(workload, unit, condition), strict);
   };
   const auto slowdown = [&](Condition condition) {
     const PhaseRow* row = find(condition);
@@ -116,20 +109,20 @@ std::optional<CallConditions> call_conditions(const Profile& profile, const std:
   return found;
 }
 
-UnitConditions unit_conditions(const Profile& profile, const UnitModel& unit, Draw draw) {
+UnitConditions unit_conditions(const Profile& profile, const UnitModel& unit, Draw draw,
+                               bool strict) {
   UnitConditions found;
   found.memory = unit.memory;
   for (const UnitTimeRow& row : profile.unit_times) {
-    if (row.unit != unit.name || !is_used(row) || !row.median) continue;
+    if (row.unit != unit.name || !is_used(row, strict) || !row.median) continue;
     if (row.phase == UnitPhase::kHandover) {
-      found.handovers.push_back(
-          {row.sleep, drawn(*row.median, row.p95.value_or(*row.median), row.values, draw)});
+      found.handovers.push_back({row.sleep, drawn(row, draw)});
       found.longest_handover = std::max(found.longest_handover, worst_of(row));
     } else if (row.phase == UnitPhase::kLeave) {
-      found.leave = drawn(*row.median, row.p95.value_or(*row.median), row.values, draw);
+      found.leave = drawn(row, draw);
     }
   }
-  found.forgotten = forgotten_by(profile, unit.name);
+  found.forgotten = forgotten_by(profile, unit.name, strict);
   found.cache_bytes = fact_of(profile, unit.name, kOwnCacheBytes);
   found.last_cache_bytes = fact_of(profile, unit.name, kLastCacheBytes);
   return found;

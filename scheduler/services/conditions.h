@@ -61,13 +61,15 @@ struct UnitConditions {
 /// @param row  Has samples.
 [[nodiscard]] Distribution time_of(const PhaseRow& row, Draw draw);
 
-/// Absent where the profile has no row of another condition, and where `execute` has no valid
-/// steady row, or one of a live run, which has all of it in it.
+/// @param strict  As ScheduleOptions::strict.
+/// @return  Absent where the profile has no row of another condition, and where `execute` has no
+/// valid steady row, or one of a live run, which has all of it in it.
 [[nodiscard]] std::optional<CallConditions> call_conditions(const Profile& profile,
                                                             const std::string& workload,
                                                             const std::string& unit,
-                                                            std::int64_t bytes, Draw draw);
+                                                            std::int64_t bytes, Draw draw,
+                                                            bool strict);
 [[nodiscard]] UnitConditions unit_conditions(const Profile& profile, const UnitModel& unit,
-                                             Draw draw);
+                                             Draw draw, bool strict);
 
 }  // namespace pirt

@@ -175,8 +175,10 @@ namespace {
 /// What of @p among is uncertain so far that it tells nothing of the order of units, where another
 /// one of the robot's own is not.
 UnitMask too_uncertain(const Platform& platform, const ServiceTable& services, WorkloadId workload,
-                       UnitMask among) {
-  const UnitMask own = among & ~cloud_units(platform);
+                       UnitMask among, std::optional<Role> only) {
+  const UnitMask own = among & units_where(platform.units, [only](const UnitModel& unit) {
+                         return unit.role != Role::kCloud && (!only || unit.role == *only);
+                       });
   const UnitMask wild =
       own & units_where(services.entries[workload], [](const ServiceEntry& entry) {
         return entry.service && entry.service->wild;
@@ -243,6 +245,7 @@ void admit_by_memory(const Platform& platform, const Mix& mix, ServiceTable& ser
 
 std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const Mix& mix,
                                                  const ServiceTable& services,
+                                                 std::optional<Role> only,
                                                  std::vector<std::string>& warnings) {
   std::map<std::string_view, WorkloadId> ids;
   for (const auto& name : services.workloads)
@@ -262,7 +265,7 @@ std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const
                         unit_list(platform, served) + " of platform " + platform.name +
                         " can serve");
       }
-      const UnitMask left_out = too_uncertain(platform, services, workload, served & named);
+      const UnitMask left_out = too_uncertain(platform, services, workload, served & named, only);
       if (left_out != 0) {
         std::string warning =
             task.workload + " on " + unit_list(platform, left_out) +

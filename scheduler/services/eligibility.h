@@ -1,6 +1,7 @@
 // Which units may serve which task of a mix, and the errors for those that nobody can serve.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,11 +42,13 @@ void admit_by_memory(const Platform& platform, const Mix& mix, ServiceTable& ser
 /// [pipeline][task]: the units that have a service and that `eligible` names, by unit or by role.
 /// One whose figure is uncertain by more than a factor of 4 is among them only where nothing else
 /// of the robot's own is; the cloud is asked for other reasons than its time.
+/// @param only      The role whose units alone the mode uses, if it has one: others serve nothing.
 /// @param warnings  Appended to: which is left out so.
 /// @throws Error{kBadInput} if `eligible` names neither a unit nor a role, or leaves no unit.
 [[nodiscard]] std::vector<std::vector<TaskClass>> task_classes(const Platform& platform,
                                                                const Mix& mix,
                                                                const ServiceTable& services,
+                                                               std::optional<Role> only,
                                                                std::vector<std::string>& warnings);
 
 /// "mix m: pipelines.p: task", for messages.

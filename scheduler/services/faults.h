@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "scheduler/mix/task.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt {
 
@@ -18,7 +19,14 @@ struct Faults {
   /// @param stream  Tells the pipeline, @p task its place there.
   /// @param tries   How often it was started before.
   [[nodiscard]] Outcome outcome(std::uint64_t stream, std::uint64_t firing, std::uint64_t task,
-                                std::uint32_t tries) const;
+                                std::uint32_t tries) const {
+    const double draw =
+        static_cast<double>(
+            hash_u64(hash_u64(hash_u64(hash_u64(seed, stream), firing), task), tries) >> 11U) *
+        0x1p-53;
+    if (draw < failing) return Outcome::kFailed;
+    return draw < failing + returning ? Outcome::kReturned : Outcome::kCompleted;
+  }
 };
 
 }  // namespace pirt

@@ -12,7 +12,7 @@ Scenario make_scenario(const Platform& platform, const Profile* profile, const M
   admit_by_memory(platform, mix, services);
   check_every_workload_served(platform, profile, mix, services, cloud_use);
   std::vector<std::string> warnings;
-  auto classes = task_classes(platform, mix, services, warnings);
+  auto classes = task_classes(platform, mix, services, options.only, warnings);
   services.warnings.insert(services.warnings.end(), warnings.begin(), warnings.end());
   return {.platform = platform,
           .mix = mix,

@@ -81,7 +81,7 @@ CallRows call_rows(const Cell& cell) {
 }
 
 /// Why a row cannot be used, or "".
-std::string complaint(const PhaseRow& row) {
+std::string complaint(const PhaseRow& row, bool strict) {
   const std::string phase(to_string(row.phase));
   if (const std::string why = row.unknown(); !why.empty())
     return "its " + phase + " is unknown: " + why;
@@ -89,6 +89,10 @@ std::string complaint(const PhaseRow& row) {
     return "its " + phase + " row has no samples" +
            (row.reasons.empty() ? "" : " (" + join(row.reasons, ", ") + ")");
   if (!is_used(row)) return "its " + phase + " row is invalid (" + join(row.reasons, ", ") + ")";
+  if (!is_used(row, strict)) {
+    return "its " + phase + " row is doubted (" + join(row.doubts, ", ") +
+           "), which --strict refuses";
+  }
   return "";
 }
 
@@ -117,7 +121,6 @@ void take_doubts(const PhaseRow& row, Service& service) {
       service.doubts.push_back(doubt);
     }
   }
-  service.wild = service.wild || row.is_wild();
   service.taken = std::max(service.taken, row.taken.value_or(0));
 }
 
@@ -131,11 +134,7 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
   auto judged = rows.stages;
   if (rows.whole != nullptr && rows.whole != judged.front()) judged.push_back(rows.whole);
   for (const auto* row : judged) {
-    std::string problem = complaint(*row);
-    if (problem.empty() && cell.options.strict && is_doubted(*row)) {
-      problem = "its " + std::string(to_string(row->phase)) + " row is doubted (" +
-                join(row->doubts, ", ") + "), which --strict refuses";
-    }
+    const std::string problem = complaint(*row, cell.options.strict);
     if (problem.empty()) continue;
     warnings.push_back(fmt::format("{} is not used: {}", where, problem));
     return {.service = std::nullopt, .reason = problem};
@@ -158,16 +157,21 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
     service.time_provenance = sum_of(service.time_provenance, row->provenance);
   }
   for (const auto* row : judged) take_doubts(*row, service);
+  // Of a whole call it matters between what that lies, not each of its phases.
+  service.wild =
+      rows.whole != nullptr
+          ? rows.whole->is_wild()
+          : std::ranges::any_of(rows.stages, [](const auto* row) { return row->is_wild(); });
   const PhaseRow& call = rows.whole != nullptr ? *rows.whole : *rows.stages.front();
   service.spread = spread_of(call).value_or(widest_spread(*cell.profile, cell.unit().name));
   service.conditions = call_conditions(*cell.profile, cell.workload.name, cell.unit().name,
-                                       cell.workload.bytes, cell.options.draw);
+                                       cell.workload.bytes, cell.options.draw, cell.options.strict);
   service.energy_provenance = weakest(cell.unit().energy_provenance, service.time_provenance);
   if (cell.platform.watts_set) service.energy_provenance = Provenance::kModelled;
   const auto* energy = cell.profile->find_energy(cell.workload.name, cell.unit().name);
   // Modelled joules are modelled anew, so that watts given for this run count.
   if (energy != nullptr && energy->energy_j && energy->provenance == Provenance::kMeasured) {
-    if (cell.options.strict ? is_valid(*energy) : is_used(*energy)) {
+    if (is_used(*energy, cell.options.strict)) {
       service.metered_j = *energy->energy_j;
       service.energy_provenance = Provenance::kMeasured;
     } else {
@@ -217,8 +221,9 @@ void add_context(const Cell& cell, ServiceEntry& entry) {
           ? nullptr
           : cell.profile->find(cell.workload.name, cell.unit().name, Phase::kPrepare, State::kWarm);
   std::string why = "no profile has its warm prepare";
-  if (prepare != nullptr) why = complaint(*prepare);
+  if (prepare != nullptr) why = complaint(*prepare, cell.options.strict);
   if (why.empty()) {
+    take_doubts(*prepare, *entry.service);
     entry.service->prepare = std::max(Nanos(0), *prepare->median - entry.service->total());
     entry.service->time_provenance = weakest(entry.service->time_provenance, prepare->provenance);
     return;
@@ -398,7 +403,7 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
   warn_of_power(platform, profile, table.warnings);
   if (profile != nullptr && !(profile->conditions.empty() && profile->unit_times.empty())) {
     for (const UnitModel& unit : platform.units) {
-      table.units.push_back(unit_conditions(*profile, unit, options.draw));
+      table.units.push_back(unit_conditions(*profile, unit, options.draw, options.strict));
     }
   }
   for (const auto& name : workloads) {

@@ -132,6 +132,7 @@ struct ServiceOptions {
   std::map<std::string, double> stage_scale;  ///< "unit.stage" -> factor.
   std::vector<std::string> without;           ///< Units that serve nothing.
   bool strict = false;                        ///< Rows that are doubted are not used either.
+  std::optional<Role> only = {};              ///< The role whose units alone the mode uses.
   Draw draw = Draw::kMedian;                  ///< kSamples: the profile's samples have been read.
   bool slices = false;                        ///< Calls are suspended where their workloads say so.
 };

@@ -109,6 +109,17 @@ TEST(ModeAnswer, IfNoneKeepsUpTheFewestLosses) {
   EXPECT_EQ(
       answer.sentence,
       "No mode keeps up. Take b: with 8 real-time firings late or dropped, it loses the fewest.");
+  // Without deadlines what counts is how many wait for ever.
+  for (RunRecord* each : {&a, &b}) {
+    each->pipelines[0].deadline_ms.reset();
+    each->pipelines[0].deadline_misses.reset();
+    each->pipelines[0].dropped = 0;
+  }
+  a.pipelines[0].queued = 30;
+  b.pipelines[0].queued = 400;
+  EXPECT_EQ(answer_of({.runs = {a, b}}).sentence,
+            "No mode keeps up. Take a: with 0 real-time firings late or dropped and 30 queued, it "
+            "loses the fewest.");
 }
 
 TEST(ModeAnswer, ChoosesNoneOfOne) {

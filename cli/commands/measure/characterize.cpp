@@ -308,7 +308,7 @@ int characterize(const CharacterizeFlags& options) {
     throw_environment(fmt::format("interrupted; {} cells are complete and {} were begun; {}",
                                   summary.cells, summary.cells_begun, resume_hint(options)));
   }
-  if (std::ranges::none_of(profile.phases, is_used<PhaseRow>)) {
+  if (std::ranges::none_of(profile.phases, [](const PhaseRow& row) { return is_used(row); })) {
     throw_environment(nothing_text(profile));
   }
   if (options.strict && std::ranges::none_of(profile.phases, is_valid<PhaseRow>)) {

@@ -336,7 +336,7 @@ int report_paper(const ReportFlags& options) {
   std::optional<Machine> machine;
   if (profile) {
     machine = read_machine(options, *std::move(profile), mix);
-    machine->table5 = table5_of(*machine);
+    machine->table5 = table5_of(*machine, options.strict);
   }
   std::vector<Profile> others;
   for (std::size_t i = 1; i < files.databases.size(); ++i) {
