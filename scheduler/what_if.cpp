@@ -135,6 +135,11 @@ class Search {
                       .what = infeasible_cap(platform_, *cap_w)};
     }
     const RunRecord run = run_virtual(platform_, profile_, mix, options);
+    if (cap_w && !run.energy_j) {
+      throw_bad_input(
+          "--power-cap: nobody knows what a unit draws that served something; give it with --set "
+          "UNIT.active_w=W");
+    }
     uncertain_ = run.uncertain;
     return breakage_of(run, mix, cap_w);
   }

@@ -69,6 +69,11 @@ class Analysis {
   /// Sets how long others may hold the units of @p plan's tasks.
   void protect(BudgetPlan& plan) {
     const auto all = take_analysable(all_obstacles());
+    for (const Analysed& each : all) {  // Their units serve one call at a time here.
+      for (BudgetPlan::Task& task : plan.tasks) {
+        task.capacity[each.unit] = std::min(task.capacity[each.unit], 1);
+      }
+    }
     std::vector<bool> done(plan.tasks.size(), false);
     for (const Analysed& first : all) {
       if (done[first.entry]) continue;

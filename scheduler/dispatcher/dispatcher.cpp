@@ -202,12 +202,8 @@ bool Dispatcher::place(TaskSlot slot) {
 
 void Dispatcher::tell_moved(TaskSlot slot, Whereabouts from, Whereabouts to,
                             const UnitsView& shown) {
-  const TaskRecord& record = tasks_[slot];
-  policy_->moved({.kind = waiting_.class_at(slot).kind,
-                  .id = record.id,
-                  .rank = record.rank,
-                  .deadline = record.deadline},
-                 from, to, shown);
+  policy_->moved({.kind = waiting_.class_at(slot).kind, .deadline = tasks_[slot].deadline}, from,
+                 to, shown);
 }
 
 /// The task, which waited, counts in the unit's load.

@@ -44,7 +44,6 @@ class Waiting {
     if (last_class_ < classes_.size() && classes_[last_class_].kind == kind) return last_class_;
     return last_class_ = find_class(kind, up);
   }
-  [[nodiscard]] Class& operator[](std::uint32_t index) { return classes_[index]; }
   [[nodiscard]] Class& class_at(TaskSlot slot) { return classes_[tasks_[slot].class_index]; }
   void set_up(UnitMask up) {
     for (Class& each : classes_) {

@@ -7,7 +7,6 @@
 // Communication Times, SIAM J. Computing 18(2), 1989; there units are alike. Readings for units
 // that are not: static levels are of mean costs; among units where a task starts at the same time,
 // the fastest.
-#include <algorithm>
 #include <optional>
 #include <tuple>
 
@@ -16,19 +15,8 @@
 namespace pirt {
 namespace {
 
-std::vector<Nanos> static_levels(const PlanningGraph& graph) {
-  std::vector<Nanos> levels(graph.tasks(), Nanos::zero());
-  for (auto it = graph.order().rbegin(); it != graph.order().rend(); ++it) {
-    for (const std::size_t e : graph.out(*it)) {
-      levels[*it] = std::max(levels[*it], levels[graph.edge(e).to]);
-    }
-    levels[*it] += graph.mean_cost(*it);
-  }
-  return levels;
-}
-
 Plan plan_etf(const PlanningGraph& graph) {
-  const auto levels = static_levels(graph);
+  const auto levels = graph.upward_ranks(false);
   // Start; level, negated, so that the highest is the least; cost; then the first task and unit.
   using Pair = std::tuple<Nanos, Nanos, Nanos, std::size_t, UnitId>;
   PlanBuilder builder(graph);

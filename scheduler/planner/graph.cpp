@@ -94,11 +94,12 @@ void PlanningGraph::average() {
   }
 }
 
-std::vector<Nanos> PlanningGraph::upward_ranks() const {
+std::vector<Nanos> PlanningGraph::upward_ranks(bool transfers) const {
   std::vector<Nanos> ranks(tasks(), Nanos::zero());
   for (auto task = order_.rbegin(); task != order_.rend(); ++task) {
     for (const std::size_t e : out_[*task]) {
-      ranks[*task] = std::max(ranks[*task], mean_transfer(e) + ranks[edge(e).to]);
+      const Nanos moving = transfers ? mean_transfer(e) : Nanos::zero();
+      ranks[*task] = std::max(ranks[*task], moving + ranks[edge(e).to]);
     }
     ranks[*task] += mean_cost(*task);
   }

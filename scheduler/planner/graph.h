@@ -50,9 +50,10 @@ class PlanningGraph {
   [[nodiscard]] Nanos mean_transfer(std::size_t edge) const { return mean_transfer_[edge]; }
 
   /// The longest way from the task's start to the end of the graph, in means.
+  /// @param transfers  Whether data on their way count.
   /// @source Topcuoglu, Hariri, Wu: Performance-Effective and Low-Complexity Task Scheduling for
   /// Heterogeneous Computing, IEEE TPDS 13(3), 2002, equation 5.
-  [[nodiscard]] std::vector<Nanos> upward_ranks() const;
+  [[nodiscard]] std::vector<Nanos> upward_ranks(bool transfers = true) const;
   /// The longest way from the beginning of the graph to the task's start; there, equation 7.
   [[nodiscard]] std::vector<Nanos> downward_ranks() const;
 

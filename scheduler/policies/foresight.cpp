@@ -169,6 +169,8 @@ std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, Unit
     if (free == free_behind && free >= ends) break;  // It makes no difference any more.
     if (free_behind > each.latest_end && free <= each.latest_end) {
       late = true;
+      // It may itself wait for the task, as for a state: once it is late anyway it bars nothing.
+      if (each.waits) ask_again = std::min(ask_again, each.latest_end - needs + Nanos(1));
       if (own_end == Nanos::max()) break;
     }
   }

@@ -56,8 +56,6 @@ struct UnitsView {
 /// A task of which a policy hears.
 struct MovedTask {
   const TaskClass& kind;
-  TaskId id = 0;
-  Nanos rank{0};                  ///< What Policy::rank() said of it.
   Nanos deadline = Nanos::max();  ///< Of its firing; Nanos::max() = none.
 };
 

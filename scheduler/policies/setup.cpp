@@ -234,6 +234,7 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
   service_options.without = options.without;
   service_options.strict = options.strict;
   service_options.draw = options.draw;
+  service_options.only = mode.policy.needs_role;
   service_options.slices = options.slices.value_or(mode.policy.budgets);
   if (defaults.mode != nullptr) service_options.stage_scale = defaults.mode->stage_scale;
   Scenario scenario = make_scenario(platform, profile, mix, service_options, mode.policy.cloud_use);

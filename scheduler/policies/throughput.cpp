@@ -4,7 +4,7 @@
 //     if      Qg < Wg : to GPU; Qg++
 //     else if Qc < Wc : to CPU; Qc++
 //     else if Qd < Wd : to DSP; Qd++
-//     else            : to CPU; Qc++      (only with the literal overflow; see queue_filling.cpp)
+//     else            : to CPU; Qc++      (only with the literal overflow; see queue_filling.h)
 #include "scheduler/policies/policies.h"
 #include "scheduler/policies/queue_filling.h"
 #include "scheduler/policies/unit_order.h"
@@ -14,10 +14,9 @@ namespace pirt {
 constinit const PolicyInfo policy::throughput = {
     .name = "throughput",
     .description = "Algorithm 2: keeps the GPU's queue full, then the CPU's, then the DSP's",
-    .make =
-        [](const PolicySetup& setup) {
-          return make_queue_filling_policy(setup, kThroughputOrder, Role::kCpu);
-        },
+    .make = [](const PolicySetup& setup) -> std::unique_ptr<Policy> {
+      return std::make_unique<QueueFillingPolicy>(setup, kThroughputOrder, Role::kCpu);
+    },
     .rule = WeightRule::kFastQueue,
     .overflows = true,
 };

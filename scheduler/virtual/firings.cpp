@@ -195,10 +195,6 @@ void Firings::keep(PipelineState& state, std::size_t task, const Made& made) {
   forget_read(state, *series);
 }
 
-std::optional<FiringId> Firings::lose(JobIndex job, TaskEnd how, Nanos now) {
-  return end_task(job, how, now);
-}
-
 std::optional<FiringId> Firings::end_task(JobIndex job, TaskEnd how, Nanos now) {
   const TaskPlace& place = places_[job];
   Firing& firing = firings_[place.slot];

@@ -91,7 +91,7 @@ class Firings {
   /// that is over with it, which the dispatcher may forget.
   [[nodiscard]] std::optional<FiringId> complete(
       JobIndex job, UnitId unit, Nanos now, std::shared_ptr<const std::vector<Tensor>> data = {});
-  [[nodiscard]] std::optional<FiringId> lose(JobIndex job, TaskEnd how, Nanos now);
+  [[nodiscard]] std::optional<FiringId> end_task(JobIndex job, TaskEnd how, Nanos now);
 
   /// By pipeline, of all that has happened.
   [[nodiscard]] const std::vector<PipelineTally>& tallies() const { return tallies_; }
@@ -137,7 +137,6 @@ class Firings {
   void plan_submission(std::uint32_t pipeline, SeriesId first_series);
   void keep(PipelineState& state, std::size_t task, const Made& made);
   [[nodiscard]] std::uint32_t take_loop(Nanos now);
-  std::optional<FiringId> end_task(JobIndex job, TaskEnd how, Nanos now);
   void end_firing(const Firing& firing, Nanos now);
   void advance(PipelineState& state);
   void forget_read(PipelineState& state, Series& series);

@@ -45,15 +45,15 @@ Nanos VirtualTime::data_arrival(JobIndex index) {
 
 /// The unit's link is busy with it; what of that is after the end does not count.
 /// @param wait  From now until all of it is there. A run learns only now where the data goes, which
-/// may have been on its way before: who follows hears of its joules from now on, spread over that
-/// time, or over a second.
+/// may have been on its way before: who follows hears of its joules from now on, spread over what
+/// is left of that time, before the call that needs it.
 void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from, Nanos wait) {
-  constexpr Nanos kSecond = std::chrono::seconds(1);
   const Link& link = *link_of(scenario_.platform, unit);
   const Nanos takes = sending_time(link, size_bytes);
   books_.charge_link(unit, std::clamp(firings_.end() - from, Nanos::zero(), takes));
   if (observers_.empty() || link.active_w == 0 || takes == Nanos::zero()) return;
-  const Nanos spread = std::min(takes, std::max(wait, kSecond));
+  constexpr Nanos kShortest = std::chrono::microseconds(100);
+  const Nanos spread = std::clamp(wait, std::min(takes, kShortest), takes);
   draw_for(servers_of_link(scenario_.platform, unit), link.active_w * (to_s(takes) / to_s(spread)),
            spread);
 }

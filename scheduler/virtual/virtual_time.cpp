@@ -324,7 +324,7 @@ void VirtualTime::apply_starts() {
   }
   for (const Sliced& each : effects_.resumed) go_on(Firings::job_of(each.task));
   for (const Ended& ended : effects_.ended) {
-    release(firings_.lose(Firings::job_of(ended.task), ended.how, now_));
+    release(firings_.end_task(Firings::job_of(ended.task), ended.how, now_));
   }
   std::swap(recalled_, effects_.recalled);
   effects_.clear();
@@ -430,8 +430,6 @@ bool VirtualTime::holds_context(Job& job, const CallStep& step) {
   return false;
 }
 
-UnitId VirtualTime::unit_of(JobIndex job) const { return jobs_[job].unit; }
-
 Outcome VirtualTime::intended(JobIndex job) const {
   if (!scenario_.faults) return Outcome::kCompleted;
   const Firings::TaskPlace& place = firings_.place(job);
@@ -450,7 +448,7 @@ void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
     ++done.tries;
     return;
   }
-  if (outcome == Outcome::kFailed) return release(firings_.lose(job, TaskEnd::kFailed, now_));
+  if (outcome == Outcome::kFailed) return release(firings_.end_task(job, TaskEnd::kFailed, now_));
   const Nanos latency = now_ - done.dispatched_at;
   books_.count_completed(workload_of(done), done.unit, took - done.preparing, latency);
   release(firings_.complete(job, done.unit, now_, std::move(data)));

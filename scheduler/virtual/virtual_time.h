@@ -83,8 +83,6 @@ class VirtualTime final : private Servers::Owner {
   [[nodiscard]] const Firings& firings() const { return firings_; }
   /// What is to become of a call, on purpose: kCompleted where no faults are wanted.
   [[nodiscard]] Outcome intended(JobIndex job) const;
-  /// Where a task that has started is.
-  [[nodiscard]] UnitId unit_of(JobIndex job) const;
 
  private:
   struct Job;
