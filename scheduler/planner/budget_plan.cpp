@@ -48,6 +48,7 @@ BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std:
                         .prepare = std::vector<Nanos>(units, Nanos::zero()),
                         .window_j = std::vector<double>(units, 0.0),
                         .slice = std::vector<Nanos>(scenario.slices ? units : 0, Nanos::zero())};
+  task.state = scenario.mix.pipelines[pipeline].tasks[position].state;
   const bool urgent = scenario.mix.pipelines[pipeline].deadline.has_value();
   std::vector<std::optional<double>> energy_j(units);
   for (UnitId unit = 0; unit < units; ++unit) {

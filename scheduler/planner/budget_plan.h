@@ -36,6 +36,7 @@ struct BudgetPlan {
     /// unit for `tolerates` beyond that. Absent: nobody counts on it.
     Nanos ready{0};
     std::optional<Nanos> tolerates = {};
+    std::optional<std::size_t> state = {};  ///< That one task holds at a time, in order.
     [[nodiscard]] Nanos slice_on(UnitId unit) const {
       return slice.empty() ? worst[unit] : slice[unit];
     }

@@ -130,6 +130,8 @@ std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, Unit
   demands_.clear();
   Nanos ask_again = Nanos::max();
   for (const std::uint32_t each : on_[unit]) {
+    // What shares a state with the task comes behind it, and cannot be late for want of the unit.
+    if (each != entry && asking.state && plan_.tasks[each].state == asking.state) continue;
     const std::size_t pipeline = plan_.tasks[each].pipeline;
     if (comes(pipeline) && nominal(pipeline, streams_[pipeline].next) < now + takes) {
       ask_again = std::min(ask_again, missing(pipeline));
@@ -169,8 +171,6 @@ std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, Unit
     if (free == free_behind && free >= ends) break;  // It makes no difference any more.
     if (free_behind > each.latest_end && free <= each.latest_end) {
       late = true;
-      // It may itself wait for the task, as for a state: once it is late anyway it bars nothing.
-      if (each.waits) ask_again = std::min(ask_again, each.latest_end - needs + Nanos(1));
       if (own_end == Nanos::max()) break;
     }
   }

@@ -42,7 +42,9 @@ BudgetPlan::Task task_from_json(const Json& json) {
           .slice = json.contains("slice_ns") ? times_from_json(json.at("slice_ns"))
                                              : std::vector<Nanos>{},
           .ready = nanos("ready_ns").value_or(Nanos::zero()),
-          .tolerates = nanos("tolerates_ns")};
+          .tolerates = nanos("tolerates_ns"),
+          .state = json.contains("state") ? std::optional(json.at("state").get<std::size_t>())
+                                          : std::nullopt};
 }
 
 BudgetPlan::Arrivals arrivals_from_json(const Json& json) {
@@ -66,7 +68,7 @@ Json to_json(const BudgetPlan& plan) {
   if (tasks.empty()) return {};
   Json json = {{"tasks", Json::array()}, {"pipelines", Json::array()}};
   for (const auto& [pipeline, first, pinned, units, capacity, share, worst, context, prepare,
-                    call_window_j, behind, slice, ready, tolerates] : tasks) {
+                    call_window_j, behind, slice, ready, tolerates, state] : tasks) {
     json["tasks"].push_back({{"pipeline", pipeline},
                              {"first", first},
                              {"pinned", pinned},
@@ -79,6 +81,7 @@ Json to_json(const BudgetPlan& plan) {
                              {"window_j", call_window_j},
                              {"behind_ns", behind.count()}});
     if (!slice.empty()) json["tasks"].back()["slice_ns"] = in_nanos(slice);
+    if (state) json["tasks"].back()["state"] = *state;
     if (!tolerates) continue;
     json["tasks"].back()["ready_ns"] = ready.count();
     json["tasks"].back()["tolerates_ns"] = tolerates->count();

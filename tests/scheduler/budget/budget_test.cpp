@@ -217,6 +217,36 @@ TEST(Budget, AClosedLoopRunsInTheGapsThatGuaranteesLeave) {
   EXPECT_EQ(record.pipelines[0].never_ran, std::nullopt);
 }
 
+// At 55.009 s `fix` would make the pose of 55.010 late, which waits for it from then on.
+TEST(Budget, NothingWaitsForEverForWhatWaitsForItsState) {
+  const auto platform = platform_of(
+      "platform: one\nunits: {cpu: {slots: 1, active_w: 1}}\nworkloads: {update_pose: {cpu: 5}}\n");
+  const auto mix = mix_of(
+      "mix: m\npipelines:\n"
+      "  pose: {rate_hz: 100, deadline_ms: 8, tasks: [{workload: update_pose, state: s}]}\n"
+      "  fix: {rate_hz: 0.01, offset_ms: 55009, tasks: [{workload: update_pose, state: s}]}\n");
+  ScheduleOptions options;
+  options.duration = from_s(60);
+  const auto record = run(platform, mix, options);
+  EXPECT_EQ(record.completed, record.submitted);
+  EXPECT_LE(misses(record), 1);
+}
+
+// Two calls at a time would be between their delay and the kernel: the analysis knows one.
+TEST(Budget, AGuaranteeIsKeptOnAUnitWhoseCallsHaveADelay) {
+  const auto platform = platform_of(
+      "platform: two\nunits: {cpu: {slots: 1, active_w: 1}, gpu: {active_w: 1}}\n"
+      "workloads: {sobel: {gpu: [{delay_ms: 0.1}, {on: gpu, ms: 10}]}}\n");
+  const auto mix = mix_of(
+      "mix: g\npipelines:\n"
+      "  y: {rate_hz: 10, deadline_ms: 100, tasks: [{workload: sobel}]}\n"
+      "  x: {rate_hz: 10, deadline_ms: 100, tasks: [{workload: sobel}]}\n"
+      "  z: {rate_hz: 10, offset_ms: 5, deadline_ms: 25, tasks: [{workload: sobel}]}\n");
+  const auto record = run(platform, mix, "budget");
+  EXPECT_EQ(record.pipelines[2].guaranteed, true);
+  EXPECT_EQ(misses(record), 0);
+}
+
 TEST(Foresight, WhatWouldBeLateItselfDoesNotWait) {
   BudgetPlan plan = small_plan();
   plan.pipelines[1] = {.deadline = milliseconds(100)};
