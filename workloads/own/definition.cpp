@@ -158,7 +158,8 @@ Data make_data(const DataRequest& request, const std::vector<TensorSpec>& inputs
 
 /// What a player fills an output with before a call: f32 and f64 of it are no numbers.
 bool is_unwritten(const Tensor& tensor, std::size_t element) {
-  const auto size = tensor.bytes().size() / static_cast<std::size_t>(tensor.spec().count());
+  const TensorSpec& spec = tensor.spec();
+  const auto size = static_cast<std::size_t>(spec.size_bytes() / spec.count());
   return std::ranges::all_of(tensor.bytes().subspan(element * size, size),
                              [](std::byte each) { return each == std::byte{0xFF}; });
 }

@@ -119,9 +119,9 @@ Sequence read_layout(const fs::path& folder, const ReadOptions& options) {
   const bool is_euroc = has_any(folder, {"mav0", "cam0"});
   const bool is_kitti = has_any(folder, {"calib.txt", "image_0", "image_l"});
   const bool is_recording = names_a_recording(folder);
-  if (is_recording && !((is_euroc || is_kitti) && !has_any(folder, {"metadata.yaml"}))) {
-    return read_recording(folder, options);
-  }
+  const bool has_pictures = has_any(folder, {"mav0", "cam0", "image_0", "image_l"}) &&
+                            !has_any(folder, {"metadata.yaml"});
+  if (is_recording && !has_pictures) return read_recording(folder, options);
   const auto& topics = options.topics;
   if (topics.left || topics.right || topics.imu || topics.truth) {
     throw_bad_input("topics (--topics) are of recordings (.bag, .db3, .mcap), and '" +
