@@ -169,17 +169,6 @@ void read_poses(const fs::path& file, Sequence& sequence, const std::vector<Numb
   }
 }
 
-/// Of the first picture that has one; others may be cut off.
-GreySize first_size(const std::vector<Shot>& shots) {
-  for (std::size_t i = 0;; ++i) {
-    try {
-      return grey_size(shots[i].left);
-    } catch (const Error& error) {
-      if (error.code() != ErrorCode::kBadInput || i + 1 == shots.size()) throw;
-    }
-  }
-}
-
 }  // namespace
 
 Sequence read_kitti(const fs::path& folder) {
@@ -211,7 +200,8 @@ Sequence read_kitti(const fs::path& folder) {
   for (std::size_t i = 0; i < shots.size() && !right.empty(); ++i) {
     partners.push_back(shots[i].right ? std::optional(i) : std::nullopt);
   }
-  const GreySize size = first_size(shots);
+  const GreySize size =
+      first_usable(shots.size(), [&shots](std::size_t i) { return grey_size(shots[i].left); });
   for (std::size_t i = 0; i < (right.empty() ? 1U : 2U); ++i) {
     CameraModel camera = camera_of(projection_of(calibration, i), calibration);
     camera.width = size.width;

@@ -64,6 +64,13 @@ bool is_rectified(const std::string& topic) {
   return base.substr(base.rfind('/') + 1).starts_with("image_rect");
 }
 
+bool has_lens(const CameraModel& model) {
+  const std::array terms = {model.k1, model.k2, model.p1, model.p2,
+                            model.k3, model.k4, model.k5, model.k6};
+  return model.lens != Lens::kRadialTangential ||
+         std::ranges::any_of(terms, [](double term) { return term != 0; });
+}
+
 /// Topics of one folder that are called so are one camera's, the first the plainest of them.
 constexpr std::array<std::string_view, 6> kSameCamera = {
     "image_raw", "image_mono", "image_color", "image_rect", "image_rect_color", "image_rect_mono"};
@@ -239,18 +246,13 @@ class Reader {
   /// Of the first message that is one, among the first hundred: a sensor that starts may say
   /// nonsense.
   template <typename Read>
-  [[nodiscard]] auto first_usable(std::size_t id, const Read& read) const {
+  [[nodiscard]] auto first_message(std::size_t id, const Read& read) const {
     constexpr std::size_t kTried = 100;
-    for (std::size_t i = 0;; ++i) {
-      try {
-        const std::string bytes = recording_->message(id, i);
-        auto in = recording_->reader(id, i, bytes);
-        return read(in);
-      } catch (const Error& error) {
-        if (error.code() != ErrorCode::kBadInput) throw;
-        if (i + 1 == std::min<std::size_t>(kTried, topic(id).messages)) throw;
-      }
-    }
+    return first_usable(std::min(kTried, topic(id).messages), [&](std::size_t i) {
+      const std::string bytes = recording_->message(id, i);
+      auto in = recording_->reader(id, i, bytes);
+      return read(in);
+    });
   }
 
   /// The one or two topics with pictures, by what their first messages are.
@@ -292,7 +294,7 @@ class Reader {
 
   /// Why one of several topics is not to be taken; empty = it may be.
   [[nodiscard]] std::string no_camera(std::size_t id, const std::vector<std::size_t>& all) const {
-    const std::string why_not = first_usable(id, [&](WireReader& in) {
+    const std::string why_not = first_message(id, [&](WireReader& in) {
       return no_picture(read_image(in, topic(id).type == ImageMessage::kCompressedType));
     });
     if (!why_not.empty()) return why_not;
@@ -352,12 +354,7 @@ class Reader {
     if (!given_.empty()) {
       camera.given = given(name);
       CameraModel& model = camera.calibrated.model = camera.given->model;
-      CameraModel none = model;
-      none.lens = Lens::kRadialTangential;
-      none.k1 = none.k2 = none.p1 = none.p2 = none.k3 = none.k4 = none.k5 = none.k6 = 0;
-      const Eigen::Vector2d corner(0, 0);
-      const bool has_lens = (model.ray(corner) - none.ray(corner)).norm() > 1e-6;
-      if (!is_rectified(name) || !has_lens) return;
+      if (!is_rectified(name) || !has_lens(model)) return;
       if (camera.given->rectified) {
         model = *camera.given->rectified;
       } else {
@@ -375,7 +372,7 @@ class Reader {
                       "give a file that has it: --calibration camchain.yaml",
                       name, folder_of(base_topic(name))));
     }
-    const auto message = first_usable(*info, [&](WireReader& in) {
+    const auto message = first_message(*info, [&](WireReader& in) {
       const auto read = read_camera_info(in);
       camera.calibrated = camera_of(in, read, is_rectified(name));
       return read;
@@ -395,7 +392,7 @@ class Reader {
     bool has_gyro = false, has_accel = false;
   };
   [[nodiscard]] Inertial look_at_imu(std::size_t id) const {
-    const auto message = first_usable(id, [](WireReader& in) { return ::pirt::read_imu(in); });
+    const auto message = first_message(id, [](WireReader& in) { return ::pirt::read_imu(in); });
     return {id, message.has_gyro, message.has_accel};
   }
 

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "workloads/base/error.h"
 #include "workloads/inputs/sequence/sequence.h"
 
 namespace pirt {
@@ -32,6 +33,20 @@ void check_step(const std::string& what, std::vector<Nanos> stamps,
 /// half.
 void tell_of_rising(const std::string& what, std::size_t kept, std::size_t all,
                     std::vector<std::string>& warnings);
+
+/// What is read of the first of @p count that can be used: what is recorded may begin with
+/// nonsense.
+/// @throws Error{kBadInput} as the last one, if none can.
+template <typename Read>
+[[nodiscard]] auto first_usable(std::size_t count, const Read& read) {
+  for (std::size_t i = 0;; ++i) {
+    try {
+      return read(i);
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kBadInput || i + 1 >= count) throw;
+    }
+  }
+}
 
 /// Rows with a `time`.
 template <typename Row>

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <limits>
 #include <random>
 #include <utility>
 
@@ -16,8 +17,9 @@ namespace {
 
 constexpr Nanos kAskAgain = std::chrono::seconds(1);
 constexpr Nanos kLongestWait = std::chrono::hours(1);
-constexpr std::size_t kMostHeard = 1024;  ///< Workers.
-constexpr std::size_t kMostHello = 64 << 10;
+constexpr std::size_t kMostHeard = 1024;      ///< Workers.
+constexpr std::size_t kMostHello = 64 << 10;  ///< Of it 1024 are kept.
+constexpr std::size_t kMostReply = std::numeric_limits<std::size_t>::max();  ///< With its outputs.
 /// A message that no measurement of the bandwidth follows from.
 constexpr std::size_t kSmall = 64 << 10;
 /// Of what is measured, in what is known from before.
@@ -34,6 +36,14 @@ ConnectionOptions robot_connection(const RobotOptions& options) {
   connection.name = "pirt robot " + options.robot;
   connection.inbox = "_INBOX_" + options.robot;
   return connection;
+}
+
+/// As what @p known_by says, where the name alone does not.
+bool knows(const HelloMessage& worker, const std::string& workload,
+           const std::optional<Digest>& known_by) {
+  return std::ranges::any_of(worker.workloads, [&](const HelloMessage::Known& known) {
+    return known.workload == workload && (!known_by || known.spec == *known_by);
+  });
 }
 
 }  // namespace
@@ -67,13 +77,10 @@ void RobotLink::say_all() {
 }
 
 template <typename Said>
-void RobotLink::subscribe(const std::string& subject, void (RobotLink::*handler)(const Said&)) {
-  connection_->subscribe(subject, [this, handler](const Incoming& message) {
-    // Those of a worker that are large are replies, whose outputs somebody waits for.
-    const bool is_large = message.data.size() > kMostHello;
-    if (std::is_same_v<Said, HelloMessage> && is_large) {
-      return note("a worker announces itself in more bytes than there are workloads");
-    }
+void RobotLink::subscribe(const std::string& subject, std::size_t most_bytes,
+                          void (RobotLink::*handler)(const Said&)) {
+  connection_->subscribe(subject, [=, this](const Incoming& message) {
+    if (message.data.size() > most_bytes) return note("a worker says more than it may");
     const auto said = decode_as<Said>(message.data);
     if (said.value) return (this->*handler)(*said.value);
     note("a worker says what cannot be read: " + said.problem);
@@ -92,9 +99,9 @@ RobotLink::RobotLink(const RobotOptions& options)
   };
   events.problem = [this](const std::string& problem) { note(problem); };
   connection_ = std::make_unique<Connection>(robot_connection(options_), std::move(events));
-  subscribe(subject("claim", options_.robot), &RobotLink::claimed);
-  subscribe(subject("answer", options_.robot), &RobotLink::replied);
-  subscribe(kHelloSubject, &RobotLink::heard_hello);
+  subscribe(subject("claim", options_.robot), kMostHello, &RobotLink::claimed);
+  subscribe(subject("answer", options_.robot), kMostReply, &RobotLink::replied);
+  subscribe(kHelloSubject, kMostHello, &RobotLink::heard_hello);
   server_ = start_thread([this](const std::stop_token& stop) { serve(stop); });
 }
 
@@ -263,18 +270,6 @@ void RobotLink::heard_hello(const HelloMessage& hello) {
     caller_.worker_heard(hello.instance, now);
   });
 }
-
-namespace {
-
-/// As what @p known_by says, where the name alone does not.
-bool knows(const HelloMessage& worker, const std::string& workload,
-           const std::optional<Digest>& known_by) {
-  return std::ranges::any_of(worker.workloads, [&](const HelloMessage::Known& known) {
-    return known.workload == workload && (!known_by || known.spec == *known_by);
-  });
-}
-
-}  // namespace
 
 /// A task goes to a worker that knows its workload, if there is one.
 void RobotLink::claimed(const ClaimMessage& claim) {

@@ -122,7 +122,8 @@ class RobotLink : private CallerEvents {
   void heard_hello(const HelloMessage& hello);
   void note(const std::string& problem);
   template <typename Said>
-  void subscribe(const std::string& subject, void (RobotLink::*handler)(const Said&));
+  void subscribe(const std::string& subject, std::size_t most_bytes,
+                 void (RobotLink::*handler)(const Said&));
 
   RobotOptions options_;
   std::uint64_t run_ = 0;
