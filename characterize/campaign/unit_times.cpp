@@ -25,7 +25,8 @@ Judgement judge_unit_time(const std::vector<Nanos>& samples, const Interference&
   conditions.crowded = others.crowded;
   conditions.throttled = others.throttled;
   conditions.unstable = is_unstable(samples);
-  const auto reached = relative_precision(samples);
+  const auto interval = median_interval(samples);
+  const auto reached = interval ? relative_half_width(interval, median(samples)) : std::nullopt;
   conditions.precise = reached && *reached <= precision;
   CellSamples all;
   all.samples = samples;

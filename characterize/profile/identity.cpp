@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "characterize/machine/environment_keys.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
@@ -78,6 +79,15 @@ std::vector<IdentityDifference> compare_identity(const RunInfo& a, const RunInfo
   return differences;
 }
 
+std::vector<IdentityDifference> compare_identity(const RunInfo& a, const RunInfo& b,
+                                                 std::string_view unit) {
+  auto differences = compare_identity(a, b);
+  std::erase_if(differences, [unit](const IdentityDifference& each) {
+    return !each.unit.empty() && each.unit != unit;
+  });
+  return differences;
+}
+
 std::vector<IdentityDifference> compare_program(const RunInfo& a, const RunInfo& b) {
   constexpr const char* kProgram = "it is another program";
   constexpr std::array<std::pair<const char*, const char*>, 4> kFacts = {
@@ -98,6 +108,12 @@ std::string describe(const IdentityDifference& difference) {
   constexpr const char* kNotKnown = "not known";
   return fmt::format("{}: {} against {}", difference.field, difference.a.value_or(kNotKnown),
                      difference.b.value_or(kNotKnown));
+}
+
+std::string describe(const std::vector<IdentityDifference>& differences) {
+  std::vector<std::string> parts;
+  for (const auto& each : differences) parts.push_back(describe(each));
+  return join(parts, "; ");
 }
 
 }  // namespace pirt

@@ -42,6 +42,12 @@ bool PhaseRow::is_wild() const {
   return is_doubted(*this) && ci_low && ci_high && to_s(*ci_high) > kWildSpan * to_s(*ci_low);
 }
 
+std::string PhaseRow::phase_name() const {
+  std::string name(to_string(phase));
+  if (state != State::kSteady) name += " " + std::string(to_string(state));
+  return name;
+}
+
 std::optional<double> RunInfo::figure(const std::string& key) const {
   const auto fact = environment.find(key);
   if (fact == environment.end()) return std::nullopt;
@@ -87,6 +93,11 @@ const UnitRecord* Profile::find_unit(std::string_view unit) const {
     if (it != run.units.end()) return &*it;
   }
   return nullptr;
+}
+
+const RunInfo* Profile::find_run(std::int64_t run_id) const {
+  const auto it = std::ranges::find(runs, run_id, &RunInfo::run_id);
+  return it == runs.end() ? nullptr : &*it;
 }
 
 std::vector<std::string> Profile::workloads() const {

@@ -59,6 +59,8 @@ struct PhaseRow {
   /// Whether it is doubted, and its interval spans so much that it tells nothing of the order of
   /// units.
   [[nodiscard]] bool is_wild() const;
+  /// With its state, and without its condition: "execute", "prepare cold".
+  [[nodiscard]] std::string phase_name() const;
 };
 
 /// A note of rows whose figure repeats exactly.
@@ -166,6 +168,8 @@ struct Profile {
                                              std::string_view unit) const;
   [[nodiscard]] const PeakRow* find_peak(std::string_view unit, PeakKind kind) const;
   [[nodiscard]] const UnitRecord* find_unit(std::string_view unit) const;
+  /// Null if no row comes from it.
+  [[nodiscard]] const RunInfo* find_run(std::int64_t run_id) const;
   /// In order of first appearance.
   [[nodiscard]] std::vector<std::string> workloads() const;
   [[nodiscard]] std::vector<std::string> units() const;

@@ -12,11 +12,6 @@
 namespace pirt {
 namespace {
 
-const RunInfo* find_run(const Profile& profile, std::int64_t run_id) {
-  const auto it = std::ranges::find(profile.runs, run_id, &RunInfo::run_id);
-  return it == profile.runs.end() ? nullptr : &*it;
-}
-
 std::optional<double> cache_of(const RunInfo& run, const std::string& unit) {
   const auto it = run.environment.find("unit." + unit + ".cache_bytes");
   if (it == run.environment.end()) return std::nullopt;
@@ -42,7 +37,7 @@ Limits limits_of(const Profile& profile, const std::string& unit) {
   Limits limits;
   for (const PeakRow& peak : profile.peaks) {
     if (peak.unit != unit) continue;
-    limits.run = find_run(profile, peak.run_id);
+    limits.run = profile.find_run(peak.run_id);
     if (is_used(peak) && peak.per_second) {
       limits.per_second[peak.kind] = *peak.per_second;
       limits.provenance = weakest(limits.provenance, peak.provenance);
@@ -88,11 +83,12 @@ std::string obstacle(const Profile& profile, const PhaseRow& row, const Workload
   if (workload == nullptr) return "the workload is not in this version's catalog";
   if (limits.run == nullptr) return "the unit's peaks were not measured";
   if (row.run_id == limits.run->run_id) return "";
-  const RunInfo* run = find_run(profile, row.run_id);
+  const RunInfo* run = profile.find_run(row.run_id);
   if (run == nullptr) return "its run is not known";
-  for (const auto& difference : compare_identity(*run, *limits.run)) {
-    if (!difference.unit.empty() && difference.unit != row.unit) continue;
-    if (difference.field == "seed" || difference.field == "images_hash") continue;  // same unit
+  for (const auto& difference : compare_identity(*run, *limits.run, row.unit)) {
+    const std::string& field = difference.field;
+    // The unit is the same.
+    if (field == "seed" || field == "images_hash" || field == "precision") continue;
     return "not comparable with the run of the peaks: " + describe(difference);
   }
   return "";

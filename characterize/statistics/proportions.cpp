@@ -12,17 +12,17 @@ double log_choose(std::int64_t n, std::int64_t k) {
   return gamma(n) - gamma(k) - gamma(n - k);
 }
 
-/// How likely at most @p k of @p n are if each has probability @p p.
+}  // namespace
+
 double binomial_cdf(std::int64_t k, std::int64_t n, double p) {
+  if (k >= n) return 1;
   double sum = 0;
   for (std::int64_t i = 0; i <= k; ++i) {
     const auto x = static_cast<double>(i), all = static_cast<double>(n);
     sum += std::exp(log_choose(n, i) + x * std::log(p) + (all - x) * std::log1p(-p));
   }
-  return sum;
+  return std::min(sum, 1.0);
 }
-
-}  // namespace
 
 double rate_upper_bound(std::int64_t k, std::int64_t n) {
   if (k >= n) return 1;

@@ -5,6 +5,9 @@
 
 namespace pirt {
 
+/// How likely at most @p k of @p n are if each has probability @p p, in (0, 1).
+[[nodiscard]] double binomial_cdf(std::int64_t k, std::int64_t n, double p);
+
 /// The one-sided 95 % bounds of a rate that was seen @p k times in @p n. @source Clopper and
 /// Pearson, Biometrika 26 (1934) 404.
 [[nodiscard]] double rate_upper_bound(std::int64_t k, std::int64_t n);

@@ -2,23 +2,17 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cmath>
+#include <cstdint>
+#include <iterator>
 #include <numeric>
+
+#include "characterize/statistics/proportions.h"
 
 namespace pirt {
 namespace {
 
-/// P(Binomial(n, 1/2) >= k).
-double binomial_tail(std::size_t n, std::size_t k) {
-  double sum = 0;
-  const auto count = static_cast<double>(n);
-  for (std::size_t i = k; i <= n; ++i) {
-    const auto each = static_cast<double>(i);
-    sum += std::exp(std::lgamma(count + 1) - std::lgamma(each + 1) - std::lgamma(count - each + 1) -
-                    count * std::log(2.0));
-  }
-  return std::min(1.0, sum);
-}
+/// How likely at least @p k of @p n fair coins are heads.
+double binomial_tail(std::int64_t n, std::int64_t k) { return binomial_cdf(n - k, n, 0.5); }
 
 }  // namespace
 
@@ -38,12 +32,12 @@ std::vector<double> holm_adjusted(std::span<const double> p_values) {
 
 double sign_test_p(std::span<const double> values, double limit) {
   const auto above = std::ranges::count_if(values, [&](double value) { return value > limit; });
-  return values.empty() ? 1 : binomial_tail(values.size(), static_cast<std::size_t>(above));
+  return values.empty() ? 1 : binomial_tail(std::ssize(values), above);
 }
 
 double sign_test_p_below(std::span<const double> values, double limit) {
   const auto below = std::ranges::count_if(values, [&](double value) { return value < limit; });
-  return values.empty() ? 1 : binomial_tail(values.size(), static_cast<std::size_t>(below));
+  return values.empty() ? 1 : binomial_tail(std::ssize(values), below);
 }
 
 std::optional<double> median_lower_bound(std::span<const double> values, double confidence) {
@@ -52,9 +46,10 @@ std::optional<double> median_lower_bound(std::span<const double> values, double 
   std::ranges::sort(sorted);
   // The kth smallest is above the median only if fewer than k values are below it.
   std::optional<double> bound;
-  for (std::size_t k = 1; 2 * k <= sorted.size(); ++k) {
-    if (binomial_tail(sorted.size(), sorted.size() - k + 1) > 1 - confidence) break;
-    bound = sorted[k - 1];
+  const std::int64_t count = std::ssize(sorted);
+  for (std::int64_t k = 1; 2 * k <= count; ++k) {
+    if (binomial_tail(count, count - k + 1) > 1 - confidence) break;
+    bound = sorted[static_cast<std::size_t>(k - 1)];
   }
   return bound;
 }

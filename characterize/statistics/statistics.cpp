@@ -262,12 +262,6 @@ std::optional<double> relative_half_width(const std::optional<Interval>& interva
          static_cast<double>(middle.count());
 }
 
-std::optional<double> relative_precision(std::span<const Nanos> samples) {
-  if (samples.empty()) return std::nullopt;
-  const auto sorted = sorted_copy(samples);
-  return relative_half_width(interval_of_sorted(sorted), median_of_sorted(sorted));
-}
-
 std::vector<Nanos> process_medians(std::span<const Nanos> samples,
                                    std::span<const std::int32_t> processes) {
   assert(samples.size() == processes.size());

@@ -56,10 +56,6 @@ struct Ranks {
 /// 95 % interval of the median; absent below 6 samples.
 [[nodiscard]] std::optional<Interval> median_interval(std::span<const Nanos> samples);
 
-/// Half the width of the 95 % interval of the median, relative to the median; absent below 6
-/// samples or for a median of 0.
-[[nodiscard]] std::optional<double> relative_precision(std::span<const Nanos> samples);
-
 /// The median of each process's samples, in order of process number.
 /// @param processes  Which process took each sample; as many as there are samples.
 [[nodiscard]] std::vector<Nanos> process_medians(std::span<const Nanos> samples,

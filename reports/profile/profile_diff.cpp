@@ -115,8 +115,7 @@ std::vector<std::string> cells_only_in(const Profile& profile, const Profile& ot
 }
 
 std::string phase_name(const PhaseRow& row) {
-  std::string name(to_string(row.phase));
-  if (row.state != State::kSteady) name += fmt::format(" {}", to_string(row.state));
+  std::string name = row.phase_name();
   if (row.condition != Condition::kSteady) name += fmt::format(" {}", to_string(row.condition));
   return name;
 }

@@ -133,15 +133,20 @@ std::vector<EnergyRow> read_energies(const Connection& connection, const std::st
   return rows;
 }
 
+/// Of each unit and phase the newest run's. Times of reading again belong to that after a sweep of
+/// the same run, which was measured last: those of a run that did not come to it are taken only if
+/// no run did.
 std::vector<UnitTimeRow> read_unit_times(const Connection& connection, const std::string& platform,
                                          RunRange runs) {
   std::vector<UnitTimeRow> rows;
-  std::map<std::string, std::int64_t> chosen;
+  std::map<std::pair<std::string, UnitPhase>, std::int64_t> chosen;
   Statement query(
       connection,
       "SELECT run_id, unit, sleep_ns, doubts, reasons, samples, median_ns, mad_ns, p95_ns, "
       "p99_ns, ci_low_ns, ci_high_ns, phase FROM unit_time_summary WHERE platform = ? "
-      "AND run_id BETWEEN ? AND ? ORDER BY run_id DESC");
+      "AND run_id BETWEEN ? AND ? ORDER BY phase = 'reread' AND NOT EXISTS (SELECT 1 FROM "
+      "unit_time AS cold WHERE cold.run_id = unit_time_summary.run_id AND cold.unit = "
+      "unit_time_summary.unit AND cold.phase = 'reread_cold'), run_id DESC");
   query.bind(platform).bind(runs.first).bind(runs.last);
   while (query.step()) {
     UnitTimeRow row;
@@ -158,9 +163,9 @@ std::vector<UnitTimeRow> read_unit_times(const Connection& connection, const std
     row.ci_low = query.optional_nanos(10);
     row.ci_high = query.optional_nanos(11);
     row.phase = unit_phase_from_string(query.text(12)).value();
-    if (chosen.try_emplace(row.unit, row.run_id).first->second == row.run_id) {
-      rows.push_back(std::move(row));
-    }
+    const auto phase = row.phase == UnitPhase::kRereadCold ? UnitPhase::kReread : row.phase;
+    const auto [run, is_new] = chosen.try_emplace({row.unit, phase}, row.run_id);
+    if (run->second == row.run_id) rows.push_back(std::move(row));
   }
   return rows;
 }

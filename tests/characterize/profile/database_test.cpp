@@ -168,6 +168,35 @@ TEST(Database, OtherConditionsAreRowsOfTheirOwn) {
   EXPECT_EQ(first.find("sobel", "cpu", Phase::kExecute)->median, Nanos(109));
 }
 
+TEST(Database, ARunThatWasCutOffHidesNoTimesOfUnits) {
+  const TemporaryFolder folder;
+  {
+    ProfileWriter writer(folder / "p.db");
+    const auto whole = writer.begin_run(small_run());
+    writer.write_cell(whole, small_cell("sobel", "cpu"));
+    std::vector<UnitTimeRecord> times;
+    for (const UnitPhase phase : kAllUnitPhases) {
+      times.push_back({"cpu", phase, Nanos(0), {}, test::ramp(1000, 20)});
+    }
+    writer.write_unit_times(whole, times);
+    // Its time was over before the reading after a sweep.
+    const auto part = writer.begin_run(small_run());
+    writer.write_cell(part, small_cell("sobel", "cpu"));
+    std::erase_if(times, [](const UnitTimeRecord& each) {
+      return each.phase == UnitPhase::kLeave || each.phase == UnitPhase::kRereadCold;
+    });
+    writer.write_unit_times(part, times);
+  }
+  const Profile profile = load_profile(folder / "p.db");
+  std::map<UnitPhase, std::int64_t> runs;
+  for (const UnitTimeRow& row : profile.unit_times) runs[row.phase] = row.run_id;
+  EXPECT_EQ(profile.unit_times.size(), 4U);
+  EXPECT_EQ(runs, (std::map<UnitPhase, std::int64_t>{{UnitPhase::kHandover, 2},
+                                                     {UnitPhase::kLeave, 1},
+                                                     {UnitPhase::kReread, 1},
+                                                     {UnitPhase::kRereadCold, 1}}));
+}
+
 TEST(Database, DamageOfAHandoverIsFound) {
   const TemporaryFolder folder;
   {

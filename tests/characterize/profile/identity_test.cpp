@@ -108,6 +108,16 @@ TEST(Identity, AUnitThatOnlyOneRunMeasuredIsNoDifference) {
   EXPECT_THAT(fields(run(), other), ElementsAre("unit.cpu.cores"));
 }
 
+TEST(Identity, OfAUnitIsWithoutThatOfOthers) {
+  RunInfo other = run();
+  other.environment["governor"] = "powersave";
+  other.units[0].device = "Other CPU";
+  other.units[1].device = "llvmpipe";
+  EXPECT_EQ(describe(compare_identity(run(), other, "gpu")),
+            "unit.gpu.device: pthread against llvmpipe; governor: performance against powersave");
+  EXPECT_EQ(describe(compare_identity(run(), run(), "gpu")), "");
+}
+
 TEST(EnvironmentKeys, ReadUnitsWithDotsInTheirNames) {
   EXPECT_EQ(unit_of_key("unit.left.gpu.version"), "left.gpu");
   EXPECT_EQ(unit_of_key("governor"), "");

@@ -175,7 +175,8 @@ TEST(Roofline, CellsOfAnotherMachineAreNotHeldAgainstThesePeaks) {
   Profile profile = profile_of({execute("conv1", 4, 1'000'000, 100'000)});
   RunInfo other = profile.runs[0];
   other.run_id = 2;
-  other.seed = 9;  // other inputs are no obstacle
+  other.seed = 9;                           // other inputs are no obstacle,
+  other.environment["precision"] = "live";  // nor are rows of a live run
   profile.runs.push_back(other);
   profile.phases[0].run_id = 2;
   EXPECT_TRUE(rooflines(profile).cells[0].fraction.has_value());

@@ -16,6 +16,13 @@ TEST(Proportions, BoundsAreThoseOfClopperAndPearson) {
   EXPECT_NEAR(rate_lower_bound(3, 3), 0.3684, 1e-4);  // 0.05^(1/3)
 }
 
+TEST(Proportions, AtMostSoManyAreAsLikelyAsTheBinomialHasIt) {
+  EXPECT_NEAR(binomial_cdf(1, 8, 0.5), 9.0 / 256, 1e-12);
+  EXPECT_NEAR(binomial_cdf(0, 3, 0.2), 0.512, 1e-12);
+  EXPECT_EQ(binomial_cdf(-1, 3, 0.2), 0);
+  EXPECT_EQ(binomial_cdf(3, 3, 0.2), 1);
+}
+
 TEST(Proportions, FishersTestIsExact) {
   // The tea: 3 of 4 against 1 of 4: (16 + 1) of C(8, 4) = 70.
   EXPECT_NEAR(fisher_p(1, 4, 3, 4), 17.0 / 70, 1e-12);

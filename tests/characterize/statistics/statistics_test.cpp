@@ -74,7 +74,6 @@ TEST(Statistics, HasNoIntervalBelowSixSamples) {
   for (const std::size_t n : {0U, 1U, 2U, 5U})
     EXPECT_EQ(median_interval_ranks(n), std::nullopt) << n;
   EXPECT_EQ(median_interval(nanos({1, 2, 3, 4, 5})), std::nullopt);
-  EXPECT_EQ(relative_precision(nanos({1, 2, 3, 4, 5})), std::nullopt);
 }
 
 TEST(Statistics, AgreesWithExactBinomialSumsUpToSixtySamples) {
@@ -188,8 +187,10 @@ TEST(Statistics, GivesPrecisionAsHalfTheIntervalOverTheMedian) {
   // 20 samples 101..120: interval 106..115 (ranks 6 and 15), median 110: 0.5 * 9 / 110.
   auto samples = shuffled_ramp(20);
   for (Nanos& t : samples) t += Nanos(100);
-  EXPECT_DOUBLE_EQ(relative_precision(samples).value(), 0.5 * 9 / 110);
-  EXPECT_EQ(relative_precision(std::vector<Nanos>(20, Nanos(0))), std::nullopt);
+  EXPECT_DOUBLE_EQ(relative_half_width(median_interval(samples), median(samples)).value(),
+                   0.5 * 9 / 110);
+  EXPECT_EQ(relative_half_width(Interval{Nanos(0), Nanos(9)}, Nanos(0)), std::nullopt);
+  EXPECT_EQ(relative_half_width(std::nullopt, Nanos(110)), std::nullopt);
 }
 
 // C(1033, 516) is beyond a double.
