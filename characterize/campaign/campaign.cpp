@@ -330,7 +330,9 @@ class Campaign {
     if (!failure) return false;
     if (!failure->empty()) {
       is_first_visit_ = false;
-      finish(cell, failed_cell(cell.request, *failure));
+      // What was measured before an interruption is not lost by what fails after it.
+      finish(cell, cell.measurement->processes() > 0 ? cell.measurement->record()
+                                                     : failed_cell(cell.request, *failure));
       return true;
     }
     const Nanos begin = clock_.now();

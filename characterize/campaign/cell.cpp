@@ -252,17 +252,25 @@ void take_in(std::span<const Interference> processes, CellConditions& conditions
 
 }  // namespace
 
-/// Of the time of calls, what they did not have of their cores, by their processor time.
+/// Of the time of calls, what they did not have of their cores, by their processor time: no more
+/// than others used, since a call may leave cores idle itself.
 std::optional<double> CellMeasurement::taken(const CellSamples& calls) const {
   if (calls.cpu.size() != calls.samples.size()) return std::nullopt;
   const auto cores =
       request_.unit.cores.empty() ? usable_cores().size() : request_.unit.cores.size();
   const auto wall = process_medians(calls.samples, calls.processes);
   const auto cpu = process_medians(calls.cpu, calls.processes);
+  std::vector<double> others;
+  for (const Taken& each : shown()) {
+    const auto found = std::ranges::find(each.result.phases, calls.phase, &PhaseSamples::phase);
+    const bool has_calls = found != each.result.phases.end() && !found->samples.empty();
+    if (has_calls) others.push_back(each.result.during_calls.others);
+  }
   std::vector<double> shares;
   for (std::size_t i = 0; i < wall.size(); ++i) {
     if (wall[i] <= Nanos::zero()) return std::nullopt;
-    shares.push_back(1 - to_s(cpu[i]) / to_s(wall[i]) / static_cast<double>(cores));
+    const double idle = 1 - to_s(cpu[i]) / to_s(wall[i]) / static_cast<double>(cores);
+    shares.push_back(others[i] > 0 ? std::min(idle, others[i]) : idle);
   }
   return std::clamp(median_of(shares), 0.0, 1.0);
 }

@@ -55,11 +55,14 @@ std::int64_t write_live_rows(ProfileWriter& writer, const Platform& platform,
   const std::int64_t run_id = writer.begin_run(header);
   const ClockQuality clock = measure_clock(MachineClock());
   for (const LiveRow& row : rows) {
+    const PhaseRow& replaced = row.replaced;
     CellRecord cell;
-    cell.workload = row.workload;
-    cell.unit = row.unit;
-    cell.ops = row.ops;
-    cell.bytes = row.bytes;
+    cell.workload = replaced.workload;
+    cell.unit = replaced.unit;
+    cell.ops = replaced.ops;
+    cell.bytes = replaced.bytes;
+    cell.host_memory_bytes = replaced.host_memory_bytes;
+    cell.device_memory_bytes = replaced.device_memory_bytes;
     cell.verification = "not verified: calls of a live run";
     const std::vector<Nanos>& calls = row.samples.at(Phase::kCall);
     CellConditions known;
@@ -71,9 +74,9 @@ std::int64_t write_live_rows(ProfileWriter& writer, const Platform& platform,
     }
     if (!row.metered) {
       const auto call = std::ranges::find(cell.phases, Phase::kCall, &PhaseRecord::phase);
-      const UnitModel unit = on_device(platform.unit(row.unit), devices.at(row.unit).is_cpu);
-      cell.energy = model_energy(platform, unit, find_workload(row.workload), *call,
-                                 CallWork{row.ops, row.bytes}, cell.phases);
+      const UnitModel unit = on_device(platform.unit(cell.unit), devices.at(cell.unit).is_cpu);
+      cell.energy = model_energy(platform, unit, find_workload(cell.workload), *call,
+                                 CallWork{cell.ops, cell.bytes}, cell.phases);
     }
     writer.write_cell(run_id, cell);
   }

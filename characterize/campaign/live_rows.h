@@ -3,12 +3,12 @@
 
 #include <cstdint>
 #include <map>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "characterize/platform/platform.h"
+#include "characterize/profile/profile.h"
 #include "characterize/profile/store/writer.h"
 #include "workloads/model/backend.h"
 #include "workloads/model/phase.h"
@@ -17,9 +17,7 @@ namespace pirt {
 
 /// Calls of one workload on one unit.
 struct LiveRow {
-  std::string workload, unit;
-  std::optional<std::int64_t> ops;              ///< As the row has that it takes the place of,
-  std::int64_t bytes = 0;                       ///< likewise.
+  PhaseRow replaced;                            ///< Of its calls: work and memory stay as it has.
   bool metered = false;                         ///< Its joules are a meter's.
   std::map<Phase, std::vector<Nanos>> samples;  ///< Of kCall and its phases, in order of time.
 };

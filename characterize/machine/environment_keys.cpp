@@ -93,7 +93,6 @@ constexpr std::array kKeys = {
     EnvironmentKey{"run.heat_events", kInformation, "of the run itself"},
     EnvironmentKey{"run.spent_s", kInformation, "of the run itself, until its last process"},
     EnvironmentKey{"mode", kInformation, "it decides how long one samples, not what"},
-    EnvironmentKey{"max_time", kInformation, "it decides how long one samples, not what"},
     EnvironmentKey{"filter", kInformation, "it decides which cells there are"},
     EnvironmentKey{"command", kInformation, "what of it matters is a fact of its own"},
     EnvironmentKey{"meter.*", kInformation, "each energy says its own source and domain"},

@@ -208,6 +208,7 @@ Interference interference(const HostCounters& before, const HostCounters& after,
   const double wall_s = to_s(after.at - before.at);
   if (before.busy && after.busy) {
     const Nanos others = (*after.busy - *before.busy) - (after.own - before.own);
+    result.others = wall_s > 0 ? std::max(0.0, to_s(others) / wall_s) : 0;
     // Busy time is counted in ticks, so each core's difference can be off by one at either end.
     const double grain_s = 2 * to_s(tick()) * core_count;
     const auto exceed = [&](double share) {

@@ -45,6 +45,7 @@ struct Interference {
   bool crowded = false;    ///< The same of 25 %: what was timed may have waited for much of it.
   /// A thermal event, slowed down for heat, or held back by a quota for more than 1 % of the time.
   bool throttled = false;
+  double others = 0;  ///< What others used of the cores, in cores; 0 = not known.
   friend bool operator==(const Interference&, const Interference&) = default;
 };
 

@@ -195,12 +195,14 @@ std::vector<PhaseAccount> decode_accounts(const Json& list) {
 }
 
 Json encode(const Interference& found) {
-  return {
-      {"contended", found.contended}, {"crowded", found.crowded}, {"throttled", found.throttled}};
+  return {{"contended", found.contended},
+          {"crowded", found.crowded},
+          {"throttled", found.throttled},
+          {"others", found.others}};
 }
 
 Interference decode_interference(const Json& j) {
-  return {j.at("contended"), j.at("crowded"), j.at("throttled")};
+  return {j.at("contended"), j.at("crowded"), j.at("throttled"), j.value("others", 0.0)};
 }
 
 Json encode(const PhaseSamples& p) {

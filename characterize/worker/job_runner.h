@@ -37,8 +37,6 @@ class JobRunner {
       const Job& job, const std::vector<std::pair<std::string, std::string>>& environment = {},
       const std::function<void(std::string_view)>& on_progress = {}) const;
 
-  [[nodiscard]] Nanos limit() const { return limit_; }
-
  private:
   std::filesystem::path program_;
   Nanos limit_;

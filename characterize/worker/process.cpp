@@ -224,9 +224,12 @@ ProcessResult run_process(const ProcessRequest& request) {
   ProcessResult result;
   while (!child.ended()) {
     const bool stopped = request.stop != nullptr && request.stop->load();
+    const bool too_much = result.output.size() > request.most_output;
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - SteadyClock::now());
-    if (stopped || left.count() <= 0) {
-      result.end = stopped ? ProcessResult::End::kStopped : ProcessResult::End::kTimedOut;
+    if (stopped || too_much || left.count() <= 0) {
+      result.end = stopped    ? ProcessResult::End::kStopped
+                   : too_much ? ProcessResult::End::kTooMuch
+                              : ProcessResult::End::kTimedOut;
       child.kill();
       drain(child, result);
       return result;  // ~Child waits for it
@@ -261,6 +264,8 @@ std::string how_it_ended(const ProcessResult& process, Nanos limit) {
   switch (process.end) {
     case ProcessResult::End::kTimedOut:
       return fmt::format("timed out after {:.3g} s", to_s(limit));
+    case ProcessResult::End::kTooMuch:
+      return fmt::format("printed more than {} MiB", process.output.size() >> 20);
     case ProcessResult::End::kSignalled: {
       if (process.out_of_memory) {
         const auto limit_bytes = memory_limit_bytes();

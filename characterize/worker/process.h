@@ -3,6 +3,8 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -21,13 +23,14 @@ struct ProcessRequest {
   std::string input;                   ///< All of standard input.
   std::vector<std::pair<std::string, std::string>> environment;  ///< On top of this process' own.
   Nanos limit = std::chrono::seconds(60);
+  std::size_t most_output = SIZE_MAX;  ///< Bytes of standard output; what prints more is killed.
   const std::atomic<bool>* stop = nullptr;  ///< Looked at several times a second; may be null.
   /// Given what came on standard output; whether the limit begins anew. May be empty.
   std::function<bool(std::string_view)> on_output = {};
 };
 
 struct ProcessResult {
-  enum class End : std::uint8_t { kExited, kSignalled, kTimedOut, kStopped };
+  enum class End : std::uint8_t { kExited, kSignalled, kTimedOut, kTooMuch, kStopped };
   End end = End::kExited;
   int code = 0;                ///< Exit status, or the signal's number.
   std::string output;          ///< Standard output.
@@ -41,12 +44,13 @@ struct ProcessResult {
 };
 
 /// Runs the program to its end, or kills it and whatever it started (its process group) when the
-/// limit is over or @p stop is set. The child is killed too when this process dies, and a
-/// terminal's Ctrl-C does not reach it.
+/// limit is over, it has printed too much or @p stop is set. The child is killed too when this
+/// process dies, and a terminal's Ctrl-C does not reach it.
 /// @throws Error{kEnvironment} if the program cannot be started.
 [[nodiscard]] ProcessResult run_process(const ProcessRequest& request);
 
-/// "timed out after 60 s", "crashed (SIGABRT)", "ended with code 3", "ran out of memory (...)".
+/// "timed out after 60 s", "crashed (SIGABRT)", "ended with code 3", "ran out of memory (...)",
+/// "printed more than 64 MiB".
 /// @param limit  The request's.
 [[nodiscard]] std::string how_it_ended(const ProcessResult& process, Nanos limit);
 

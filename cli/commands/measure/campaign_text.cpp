@@ -11,7 +11,6 @@
 #include "reports/document/document.h"
 #include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
-#include "workloads/catalog/specs.h"
 
 namespace pirt::cli {
 namespace {
@@ -23,12 +22,11 @@ std::string minutes(Nanos value) {
 
 /// What the time suffices for, in a sentence or two.
 std::string time_text(const CampaignPlan& plan, const CampaignOptions& campaign) {
-  const Nanos before = campaign.resumed ? campaign.resumed->spent : Nanos(0);
-  const Nanos left = plan.max_time - before;
-  const Nanos precision = plan.precision_time - before;
+  const Nanos left = plan.max_time - plan.spent;
+  const Nanos precision = plan.precision_time - plan.spent;
   std::string text;
   if (campaign.resumed) {
-    text = fmt::format("{} min of {} min are spent. ", minutes(before), minutes(plan.max_time));
+    text = fmt::format("{} min of {} min are spent. ", minutes(plan.spent), minutes(plan.max_time));
   }
   text +=
       fmt::format("Valid rows, peaks{}{} need {} min", plan.meters.empty() ? "" : ", meters",
@@ -65,6 +63,41 @@ std::string cells_text(const std::vector<CellName>& cells) {
 }
 
 }  // namespace
+
+std::string command_of(const CampaignOptions& campaign) {
+  const auto place = [](const std::filesystem::path& path) {
+    return path_in_shell(std::filesystem::absolute(path).string());
+  };
+  const auto name = [&place](const std::string& shipped_or_file) {
+    return names_a_file(shipped_or_file) ? place(shipped_or_file) : in_shell(shipped_or_file);
+  };
+  std::string command = "pirt characterize";
+  const auto add = [&command](const char* flag, const std::string& value) {
+    command += std::string(" ") + flag + " " + value;
+  };
+  const auto add_list = [&](const char* flag, const std::vector<std::string>& values) {
+    if (!values.empty()) add(flag, in_shell(join(values, ",")));
+  };
+  if (campaign.quick) command += " --quick";
+  if (campaign.interference) command += " --interference";
+  add("--platform", name(campaign.platform_argument));
+  for (const std::string& setting : campaign.settings) add("--set", in_shell(setting));
+  add_list("--units", campaign.units);
+  if (!campaign.filter.empty()) add("--filter", in_shell(campaign.filter));
+  for (const std::string& file : campaign.own) add("--workloads", place(file));
+  add_list("--variants", campaign.variants);
+  add_list("--sizes", campaign.sizes);
+  if (campaign.batch) add("--batch", std::to_string(*campaign.batch));
+  if (campaign.images) add("--images", place(*campaign.images));
+  if (!campaign.images_topic.empty()) add("--topics", in_shell("left=" + campaign.images_topic));
+  if (!campaign.mix.empty()) add("--mix", name(campaign.mix));
+  if (campaign.precision != CampaignOptions{}.precision) {
+    add("--precision", fmt::format("{}", campaign.precision));
+  }
+  if (campaign.max_time) add("--max-time", fmt::format("{}s", to_s(*campaign.max_time)));
+  add("--seed", std::to_string(campaign.seed));
+  return command;
+}
 
 std::string progress_text(const Progress& progress) {
   return fmt::format("[{} of {} done] {} on {}: {}; {} gone, about {} left", progress.done,
@@ -203,16 +236,19 @@ std::string doubted_text(const Profile& profile, const CampaignOptions& campaign
     why.insert(row.doubts.begin(), row.doubts.end());
   }
   if (rows == 0) return "";
-  const std::vector names(workloads.begin(), workloads.end());
-  std::string files;
-  for (const std::string& file : files_of(names)) files += " --workloads " + path_in_shell(file);
+  CampaignOptions again = campaign;
+  again.filter = "^(" + join(std::vector(workloads.begin(), workloads.end()), "|") + ")$";
+  again.variants.clear();  // The filter names them.
+  again.sizes.clear();
+  again.batch.reset();
+  again.mix.clear();
+  again.quick = false;  // More precision is wanted.
+  again.max_time.reset();
   return fmt::format(
       "{} rows are uncertain ({}), and used as they are: `pirt doctor` says what disturbs this "
-      "machine; when it is quiet, or with more time (--max-time): pirt characterize --platform "
-      "{}{} --db {} --filter '^({})$'",
-      rows, join(std::vector(why.begin(), why.end()), ", "),
-      path_in_shell(campaign.platform_argument), files, path_in_shell(campaign.database.string()),
-      join(names, "|"));
+      "machine; when it is quiet, or with more time (--max-time): {} --db {}",
+      rows, join(std::vector(why.begin(), why.end()), ", "), command_of(again),
+      path_in_shell(campaign.database.string()));
 }
 
 std::string clock_text(const RunInfo& run) {

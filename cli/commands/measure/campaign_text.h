@@ -9,6 +9,8 @@
 
 namespace pirt::cli {
 
+/// What measures the same again, from any folder, but for the database.
+[[nodiscard]] std::string command_of(const CampaignOptions& campaign);
 [[nodiscard]] std::string progress_text(const Progress& progress);
 [[nodiscard]] Json plan_json(const CampaignPlan& plan);
 [[nodiscard]] std::string plan_text(const CampaignPlan& plan, const CampaignOptions& campaign);
@@ -23,7 +25,7 @@ namespace pirt::cli {
 /// which does not try to.
 [[nodiscard]] std::string precision_text(const CampaignSummary& summary, const CampaignPlan& plan,
                                          const CampaignOptions& campaign);
-/// What to do about rows that are uncertain.
+/// What to do about rows that are uncertain: those of their workloads again, with the same inputs.
 [[nodiscard]] std::string doubted_text(const Profile& profile, const CampaignOptions& campaign);
 /// What the clock does to a sample: batches keep it below 0.1 % of any phase (measure.h).
 [[nodiscard]] std::string clock_text(const RunInfo& run);

@@ -89,42 +89,6 @@ std::vector<NeededWorkload> needed_by(const Mix& mix) {
   return needed;
 }
 
-/// What measures the same again, from any folder.
-std::string command_of(const CharacterizeFlags& options) {
-  const auto place = [](const std::string& path) {
-    return path_in_shell(std::filesystem::absolute(path).string());
-  };
-  std::string command = "pirt characterize";
-  const auto add = [&command](const char* flag, const std::string& value) {
-    command += std::string(" ") + flag + " " + value;
-  };
-  const auto add_list = [&](const char* flag, const std::vector<std::string>& values) {
-    if (!values.empty()) add(flag, in_shell(join(values, ",")));
-  };
-  if (options.quick) command += " --quick";
-  if (options.interference) command += " --interference";
-  add("--platform",
-      names_a_file(options.platform) ? place(options.platform) : in_shell(options.platform));
-  for (const std::string& setting : options.settings) add("--set", in_shell(setting));
-  add_list("--units", options.units);
-  if (!options.filter.empty()) add("--filter", in_shell(options.filter));
-  for (const std::string& file : options.own.files) add("--workloads", place(file));
-  add_list("--variants", options.variants);
-  add_list("--sizes", options.sizes);
-  if (options.batch) add("--batch", std::to_string(*options.batch));
-  if (options.images) add("--images", place(*options.images));
-  if (options.topics) add("--topics", in_shell(*options.topics));
-  if (options.mix != CharacterizeFlags{}.mix) {
-    add("--mix", names_a_file(options.mix) ? place(options.mix) : in_shell(options.mix));
-  }
-  if (options.precision != CharacterizeFlags{}.precision) {
-    add("--precision", in_shell(options.precision));
-  }
-  if (options.max_time) add("--max-time", in_shell(*options.max_time));
-  add("--seed", std::to_string(options.seed));
-  return command;
-}
-
 CampaignOptions campaign_options(const CharacterizeFlags& options) {
   if (options.resume) {
     CampaignOptions campaign = resume_options(options.database);
@@ -138,7 +102,6 @@ CampaignOptions campaign_options(const CharacterizeFlags& options) {
   CampaignOptions campaign;
   campaign.own = options.own.all(options.mix);
   learn(campaign.own);
-  campaign.command = command_of(options);
   campaign.mix = options.mix;
   campaign.first = needed_by(load_mix(options.mix));
   campaign.database = options.database;
@@ -165,6 +128,7 @@ CampaignOptions campaign_options(const CharacterizeFlags& options) {
   if (options.max_time) campaign.max_time = parse_duration(*options.max_time);
   campaign.quick = options.quick;
   campaign.interference = options.interference;
+  campaign.command = command_of(campaign);
   return campaign;
 }
 

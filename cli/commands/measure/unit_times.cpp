@@ -38,8 +38,7 @@ UnitTimePart part_of(UnitPhase phase, const SleepPlan& plan,
 }
 
 void add_rereads(const std::vector<int>& cores, std::vector<UnitTimePart>& parts) {
-  const auto bytes = reached_cache_bytes(cores);
-  if (!bytes) return;
+  if (!Reread::possible(cores)) return;
   // Made where it is needed: it holds as much as the caches do.
   const auto made = std::make_shared<std::unique_ptr<Reread>>();
   const auto reread = [made, cores]() -> Reread& {
@@ -51,7 +50,7 @@ void add_rereads(const std::vector<int>& cores, std::vector<UnitTimePart>& parts
       return reread().after({sleep, samples});
     }));
   }
-  const Nanos sweep = from_ms(1e3 * static_cast<double>(*bytes) / kBytesASecond);
+  const Nanos sweep = from_ms(1e3 * static_cast<double>(*reached_cache_bytes(cores)) / kBytesASecond);
   parts.push_back({.phase = UnitPhase::kRereadCold,
                    .sleep = Nanos(0),
                    .samples = kCold,

@@ -28,7 +28,9 @@
 #include "reports/run/run_report.h"
 #include "scheduler/planner/budget_plan.h"
 #include "scheduler/policies/policy.h"
+#include "scheduler/record/keeping_up.h"
 #include "scheduler/schedule_live.h"
+#include "scheduler/services/devices.h"
 #include "scheduler/services/draws.h"
 #include "scheduler/services/services.h"
 #include "workloads/backends/registry.h"
@@ -189,12 +191,15 @@ Inputs read_inputs(const ScheduleFlags& options) {
   return inputs;
 }
 
+/// Whether it did less than was asked of it.
+bool is_short(const RunRecord& run) { return run.stalled > 0 || misses_rate(run); }
+
 /// A cap that no schedule keeps is an answer, and no bad input.
 bool is_infeasible(const Inputs& inputs, const ScheduleOptions& settings) {
-  if (!settings.power_cap_w || above_idle_j(inputs.platform, *settings.power_cap_w) >= 0) {
-    return false;
-  }
-  fmt::print(stderr, "pirt: {}\n", infeasible_cap(inputs.platform, *settings.power_cap_w));
+  const Platform opened =
+      on_devices(inputs.platform, inputs.profile ? &*inputs.profile : nullptr, settings.without);
+  if (!settings.power_cap_w || above_idle_j(opened, *settings.power_cap_w) >= 0) return false;
+  fmt::print(stderr, "pirt: {}\n", infeasible_cap(opened, *settings.power_cap_w));
   return true;
 }
 
@@ -208,9 +213,7 @@ int compare(const ScheduleFlags& options) {
   if (runs.runs.empty()) throw_bad_input(runs.skipped.front().reason);
   emit(render(comparison_document(runs, inputs.mix), Format::kText), comparison_json(runs),
        options.json);
-  const bool stalled =
-      std::ranges::any_of(runs.runs, [](const RunRecord& run) { return run.stalled > 0; });
-  return stalled ? kExitCheckFailed : 0;
+  return std::ranges::any_of(runs.runs, is_short) ? kExitCheckFailed : 0;
 }
 
 int show_pareto(const ScheduleFlags& options) {
@@ -258,10 +261,7 @@ std::vector<LiveRow> rows_to_update(const RunRecord& record, const LiveCalls& ca
     const PhaseRow* launch = profile.find(series->workload, series->unit, Phase::kLaunch);
     const bool metered = energy != nullptr && energy->provenance == Provenance::kMeasured;
     rows.push_back(
-        {.workload = series->workload,
-         .unit = series->unit,
-         .ops = row.ops,
-         .bytes = row.bytes,
+        {.replaced = row,
          .metered = metered,
          .samples = samples_of(series->calls, find_backend(row.backend).phases(),
                                launch != nullptr ? launch->median.value_or(Nanos(0)) : Nanos(0))});
@@ -280,8 +280,9 @@ void update_profile(ProfileWriter& writer, const Inputs& inputs, const RunRecord
   std::map<std::string, DeviceInfo> devices;
   std::vector<std::string> names;
   for (const LiveRow& row : rows) {
-    devices[row.unit] = std::ranges::find(calls.units, row.unit, &LiveCalls::Unit::unit)->device;
-    names.push_back(row.workload + " on " + row.unit);
+    const std::string& unit = row.replaced.unit;
+    devices[unit] = std::ranges::find(calls.units, unit, &LiveCalls::Unit::unit)->device;
+    names.push_back(row.replaced.workload + " on " + unit);
   }
   const auto run_id = write_live_rows(writer, inputs.platform, devices, record.seed, rows);
   fmt::print(stderr, "pirt: {}: run {} has what the live run contradicts, measured anew: {}\n",
@@ -316,7 +317,7 @@ int schedule(const ScheduleFlags& options) {
   if (!record.trace_problem.empty()) results.add(record.trace_problem);
   results.check();
   if (stops != nullptr && *stops > 0) return kExitEnvironment;
-  return record.stalled > 0 ? kExitCheckFailed : 0;
+  return is_short(record) ? kExitCheckFailed : 0;
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include "characterize/campaign/live_rows.h"
 #include "characterize/machine/environment_keys.h"
 #include "characterize/profile/identity.h"
 #include "characterize/profile/profile.h"
@@ -130,6 +131,24 @@ TEST_F(Campaign, RepeatsExactlyFromTheSameSeed) {
   const auto second = load_samples(o.database, 2);
   ASSERT_EQ(first.size(), second.size());
   for (std::size_t i = 0; i < first.size(); ++i) EXPECT_EQ(first[i].samples, second[i].samples);
+}
+
+TEST_F(Campaign, RowsOfALiveRunNeedTheMemoryThatTheOldOnesNeeded) {
+  LiveRow live;
+  live.replaced.workload = "pool5";
+  live.replaced.unit = "gpu";
+  live.replaced.host_memory_bytes = 10'000'000;
+  live.replaced.device_memory_bytes = 2'000'000;
+  live.samples[Phase::kCall] = test::ramp(1'000'000, 20);
+  DeviceInfo device;
+  device.name = "scripted";
+  {
+    ProfileWriter writer(folder / "p.db");
+    write_live_rows(writer, test::fake_platform({{"gpu", ""}}), {{"gpu", device}}, 1, {&live, 1});
+  }
+  const Profile profile = load_profile(folder / "p.db");
+  EXPECT_EQ(row(profile, "pool5", Phase::kCall).host_memory_bytes, 10'000'000);
+  EXPECT_EQ(row(profile, "pool5", Phase::kCall).device_memory_bytes, 2'000'000);
 }
 
 TEST_F(Campaign, MarksWrongOutputInvalidBeforeTiming) {

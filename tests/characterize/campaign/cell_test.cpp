@@ -323,6 +323,21 @@ TEST_F(Cell, AContendedRowReachesDownToWhatProcessorTimeSays) {
   EXPECT_EQ(interval->high, from_ms(40));
 }
 
+TEST_F(Cell, CoresThatACallLeavesIdleAreNotTakenFromIt) {
+  platform.units[0].cores = {0, 1, 2, 3, 4, 5, 6, 7};
+  for (int i = 0; i < 8; ++i) {
+    JobResult result = a_process(40);
+    for (PhaseSamples& each : result.phases) {
+      if (each.phase == Phase::kCall) each.cpu.assign(each.samples.size(), from_ms(40));
+    }
+    result.during_calls = {.contended = true, .others = 0.48};
+    cell.add(cell.next().value_or(Visit{}).setup, result);
+  }
+  const PhaseRecord call = row(Phase::kCall);
+  ASSERT_TRUE(call.taken.has_value());
+  EXPECT_NEAR(*call.taken, 0.48, 1e-9);
+}
+
 TEST_F(Cell, OfFewProcessesSaysThatOthersMayDiffer) {
   add({10, 12});
   const PhaseRecord few = row(Phase::kCall);

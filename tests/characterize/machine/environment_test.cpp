@@ -240,6 +240,8 @@ TEST(HostLoad, NoticesOthersOnTheSameCores) {
       interference(before, at(seconds(2), milliseconds(102'200), seconds(12)), 2).contended);
   EXPECT_TRUE(
       interference(before, at(seconds(2), milliseconds(102'250), seconds(12)), 2).contended);
+  EXPECT_NEAR(interference(before, at(seconds(2), milliseconds(102'250), seconds(12)), 2).others,
+              0.125, 1e-9);
   // Within what ticks can tell: 0.02 s on one core, though it is 20 % of the time.
   EXPECT_FALSE(
       interference(before, at(milliseconds(100), milliseconds(100'020), seconds(10)), 1).contended);

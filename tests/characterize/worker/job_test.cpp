@@ -59,7 +59,7 @@ JobResult a_result() {
   result.device_init = Nanos(7);
   result.verification = "after timing: equal";
   result.during_setup = {.contended = true, .crowded = false, .throttled = true};
-  result.during_calls = {.contended = true, .crowded = true, .throttled = false};
+  result.during_calls = {.contended = true, .crowded = true, .throttled = false, .others = 1.5};
   result.notes = {"input_resized"};
   result.ops = 12;
   result.bytes = 34;

@@ -102,6 +102,14 @@ TEST(Process, KillsItAndWhatItStartedWhenTheTimeIsOver) {
   EXPECT_TRUE(is_gone_soon(std::stoi(result.output)));
 }
 
+TEST(Process, IsKilledWhenItPrintsTooMuch) {
+  auto request = shell("exec yes");
+  request.most_output = 3 << 20;
+  const auto result = run_process(request);
+  EXPECT_EQ(result.end, ProcessResult::End::kTooMuch);
+  EXPECT_THAT(how_it_ended(result, {}), HasSubstr("more than 3 MiB"));
+}
+
 TEST(Process, DoesNotWaitForWhatItLeftBehind) {
   // The sleeper holds the pipes open; it is killed with the group.
   const auto result = run_process(shell("sleep 1000 & echo $!"));
