@@ -6,9 +6,15 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <map>
+#include <optional>
 #include <span>
+#include <string_view>
+#include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/text/json.h"
+#include "workloads/base/text/printable.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -28,18 +34,54 @@ ProcessRequest request_of(const std::vector<std::string>& words, const DuetComma
   return request;
 }
 
-Ledger::Event command_key(const std::vector<std::string>& words) {
-  Ledger::Event contents = Ledger::Event::array();
-  for (const std::string& word : std::span(words).subspan(1)) {
-    // "x.yaml", "--config=x.yaml"
-    for (const std::string& path : {word, word.substr(word.find('=') + 1)}) {
-      std::error_code ignored;
-      if (!std::filesystem::is_regular_file(path, ignored)) continue;
-      contents.push_back(content_key(path));
-      break;
-    }
+/// As a shell finds it.
+std::optional<std::filesystem::path> try_find_program(const std::string& word) {
+  if (word.find('/') != std::string::npos) {
+    return can_run(word) ? std::optional(std::filesystem::absolute(word)) : std::nullopt;
   }
-  return {{"words", words}, {"program", built_key(find_program(words[0]))}, {"files", contents}};
+  const char* const folders = std::getenv("PATH");
+  if (folders == nullptr) return std::nullopt;
+  for (const std::string& folder : split(folders, ':')) {
+    const auto path = std::filesystem::path(folder.empty() ? "." : folder) / word;
+    if (can_run(path)) return std::filesystem::absolute(path);
+  }
+  return std::nullopt;
+}
+
+/// Contents of the files that the words behind the program name, by themselves ("x.yaml"), behind
+/// a '=' or within a script (sh -c '...'); of programs among them also the libraries beside them.
+std::map<std::string, std::string> named_files(const std::vector<std::string>& words) {
+  std::map<std::string, std::string> contents;
+  const auto add = [&contents](const std::string& name) {
+    if (name.empty() || contents.contains(printable(name))) return;
+    const auto program = try_find_program(name);
+    const std::filesystem::path file = program.value_or(name);
+    std::error_code ignored;
+    const bool is_file = std::filesystem::is_regular_file(file, ignored);
+    if (!is_file || ::access(file.c_str(), R_OK) != 0) return;
+    contents[printable(name)] = program ? json_text(built_key(file)) : content_key(file);
+  };
+  for (std::string word : std::span(words).subspan(1)) {
+    add(word);
+    add(word.substr(word.find('=') + 1));
+    std::ranges::replace_if(
+        word,
+        [](char c) { return std::string_view("\t\n;|&()<>='\"`").find(c) != std::string::npos; },
+        ' ');
+    for (const std::string& part : split(word, ' ')) add(part);
+  }
+  return contents;
+}
+
+Ledger::Event command_key(const std::vector<std::string>& words) {
+  return {{"words", words}, {"program", built_key(find_program(words[0]))}};
+}
+
+/// Whether @p file is in @p files with the same contents.
+bool is_among(const std::map<std::string, std::string>& files,
+              const std::pair<const std::string, std::string>& file) {
+  const auto found = files.find(file.first);
+  return found != files.end() && found->second == file.second;
 }
 
 /// "5 s", "1 min", "2 h".
@@ -52,14 +94,7 @@ std::string about(double seconds) {
 }  // namespace
 
 std::filesystem::path find_program(const std::string& word) {
-  if (word.find('/') != std::string::npos) {
-    if (can_run(word)) return std::filesystem::absolute(word);
-  } else if (const char* folders = std::getenv("PATH"); folders != nullptr) {
-    for (const std::string& folder : split(folders, ':')) {
-      const auto path = std::filesystem::path(folder.empty() ? "." : folder) / word;
-      if (can_run(path)) return std::filesystem::absolute(path);
-    }
-  }
+  if (const auto found = try_find_program(word)) return *found;
   throw_bad_input(fmt::format("'{}' is no program that can be run; give its path", word));
 }
 
@@ -76,16 +111,29 @@ TakeSample command_samples(const DuetCommands& commands, const DuetComparison& c
   return [commands, &comparison](Side side, const DuetCell&, SampleKind kind, Nanos most) {
     const MachineClock clock;
     const Nanos begin = clock.now();
-    const bool baseline = side == Side::kBaseline;
-    ProcessRequest request =
-        request_of(baseline ? commands.baseline : commands.candidate, commands);
+    const auto& words = side == Side::kBaseline ? commands.baseline : commands.candidate;
+    const bool is_first = kind == SampleKind::kVerified;
+    ProcessRequest request = request_of(words, commands);
     const auto more = commands.reader->arguments(comparison.cells().front().undecided());
     request.arguments.insert(request.arguments.end(), more.begin(), more.end());
+    if (is_first && !commands.reader->first.empty()) {
+      request.arguments.emplace_back(commands.reader->first);
+    }
+    const auto started = std::filesystem::file_time_type::clock::now();
+    auto files = is_first ? named_files(words) : std::map<std::string, std::string>();
     SampleOutcome outcome;
-    for (int left = kind == SampleKind::kVerified ? commands.warm_up : 1; left > 0; --left) {
+    for (int left = is_first ? commands.warm_up : 1; left > 0; --left) {
       outcome =
           run_sample(request, *commands.reader, std::max(most - (clock.now() - begin), Nanos(0)));
       if (!outcome.sample) break;
+    }
+    if (is_first && outcome.sample) {  // What it writes is no part of what it is.
+      std::erase_if(files, [started, now = named_files(words)](const auto& file) {
+        std::error_code gone;
+        const auto written = std::filesystem::last_write_time(file.first, gone);
+        return !is_among(now, file) || (!gone && written >= started);
+      });
+      outcome.sample->files = std::move(files);
     }
     return outcome;
   };
@@ -98,6 +146,22 @@ Ledger::Event ledger_key(const DuetCommands& commands, std::uint64_t seed) {
           {"reads", commands.reader->name},
           {"seed", seed},
           {"machine", machine_key()}};
+}
+
+void refuse_changed_files(const DuetCommands& commands, const DuetComparison& comparison,
+                          const std::filesystem::path& ledger) {
+  for (const Side side : {Side::kBaseline, Side::kCandidate}) {
+    const auto& check = comparison.cells().front().checks[static_cast<std::size_t>(side)];
+    if (!check) continue;
+    const auto now = named_files(side == Side::kBaseline ? commands.baseline : commands.candidate);
+    for (const auto& file : check->files) {
+      if (is_among(now, file)) continue;
+      throw_bad_input(
+          fmt::format("ledger '{}' is of another comparison ({}: {} was another one); remove it, "
+                      "or name another with --ledger",
+                      ledger.string(), to_string(side), file.first));
+    }
+  }
 }
 
 std::string duration_text(double run_s) {

@@ -33,9 +33,14 @@ void run_setup(const DuetCommands& commands);
 [[nodiscard]] TakeSample command_samples(const DuetCommands& commands,
                                          const DuetComparison& comparison);
 
-/// What a ledger of it is about: the commands' words and the contents of files that they name, the
-/// reader, the machine.
+/// What a ledger of it is about: the commands' words, their programs with the libraries beside
+/// them, the reader, the machine.
 [[nodiscard]] Ledger::Event ledger_key(const DuetCommands& commands, std::uint64_t seed);
+/// Of a comparison that a ledger goes on with: whether the files that the words name besides are
+/// those of the first processes. What those wrote may be anything.
+/// @throws Error{kBadInput} naming the first that is another one, or gone.
+void refuse_changed_files(const DuetCommands& commands, const DuetComparison& comparison,
+                          const std::filesystem::path& ledger);
 
 /// "12 blocks of 4 runs of 1.1 s: about 1 min; confirming 2 min more", of first runs that took
 /// @p run_s.

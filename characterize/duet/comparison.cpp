@@ -8,6 +8,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/math/random.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/time.h"
 #include "workloads/model/phase.h"
 
 namespace pirt {
@@ -32,6 +33,10 @@ std::string order_text(const std::vector<Side>& order) {
   return text;
 }
 
+Side side_of(const Event& body) {
+  return body.at("side") == "candidate" ? Side::kCandidate : Side::kBaseline;
+}
+
 Event cell_json(const DuetCell& cell) { return {{"workload", cell.workload}, {"unit", cell.unit}}; }
 
 /// Mean log ratio of the inner two to the outer two.
@@ -39,14 +44,20 @@ double inner_to_outer(const std::array<double, 4>& s) {
   return (std::log(s[1]) + std::log(s[2]) - std::log(s[0]) - std::log(s[3])) / 2;
 }
 
+/// Of @p phase, if it is above 0.
+std::optional<double> time_of(const Seconds& seconds, const std::string& phase) {
+  const auto found = seconds.find(phase);
+  return found != seconds.end() && found->second > 0 ? std::optional(found->second) : std::nullopt;
+}
+
 /// The time of @p phase in all four, if all four have it.
 std::optional<std::array<double, 4>> times_of(const std::vector<Seconds>& seconds,
                                               const std::string& phase) {
   std::array<double, 4> times{};
   for (std::size_t i = 0; i < times.size(); ++i) {
-    const auto found = seconds[i].find(phase);
-    if (found == seconds[i].end() || !(found->second > 0)) return std::nullopt;
-    times[i] = found->second;
+    const auto time = time_of(seconds[i], phase);
+    if (!time) return std::nullopt;
+    times[i] = *time;
   }
   return times;
 }
@@ -106,7 +117,8 @@ bool DuetCellState::wants_canary() const {
   });
 }
 
-DuetComparison::DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed) : seed_(seed) {
+DuetComparison::DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed, Nanos limit)
+    : seed_(seed), limit_(limit) {
   for (DuetCell& cell : cells) {
     cells_.emplace_back();
     cells_.back().cell = std::move(cell);
@@ -170,10 +182,12 @@ Event DuetComparison::event_of(const DuetStep& step, const std::vector<Sample>& 
   return {{"block", body}};
 }
 
-Event DuetComparison::failure_of(const DuetStep& step, Side side, const std::string& error) const {
+Event DuetComparison::failure_of(const DuetStep& step, Side side, const std::string& error,
+                                 bool timed_out) const {
   Event body = cell_json(cells_[step.cell].cell);
   body["side"] = to_string(side);
   body["error"] = error;
+  if (timed_out) body["limit_s"] = to_s(limit_);
   return {{"failure", body}};
 }
 
@@ -194,8 +208,9 @@ void DuetComparison::apply(const Event& event) {
       block(cell_of(body), body);
     } else if (event.contains("failure")) {
       const Event& body = event["failure"];
-      const Side side = body.at("side") == "candidate" ? Side::kCandidate : Side::kBaseline;
-      cell_of(body).failures[index_of(side)] = body.at("error");
+      DuetCellState& state = cell_of(body);
+      if (body.value("limit_s", to_s(limit_)) < to_s(limit_)) return;
+      state.failures[index_of(side_of(body))] = body.at("error");
     } else {
       throw_bad_input("an unknown event");
     }
@@ -205,7 +220,7 @@ void DuetComparison::apply(const Event& event) {
 }
 
 void DuetComparison::check(DuetCellState& state, const Event& event) {
-  const Side side = event.at("side") == "candidate" ? Side::kCandidate : Side::kBaseline;
+  const Side side = side_of(event);
   const Sample sample = sample_from_json(json_text(event.at("sample")));
   ++processes_;
   if (sample.right == false) state.failures[index_of(side)] = "wrong output, " + sample.detail;
@@ -265,14 +280,32 @@ void DuetComparison::block(DuetCellState& state, const Event& event) {
   ++(canary ? state.canaries : state.blocks);
 }
 
-/// Of the figures that every process has; of phases, parts of a call only if they are more than a
-/// trifle of it.
+/// Of the figures that every process has, of commands the first of each, too; of phases, parts of a
+/// call only if they are more than a trifle of it.
 void DuetComparison::start_series(DuetCellState& state, const std::vector<Seconds>& seconds) {
+  if (!state.checks[0] || !state.checks[1]) throw_bad_input("a block before the first processes");
+  const Seconds& of_base = state.checks[0]->seconds;
+  const Seconds& of_candidate = state.checks[1]->seconds;
+  std::set<std::string> phases;
+  const auto add_phases = [&phases](const Seconds& of) {
+    for (const auto& [phase, time] : of) {
+      if (time > 0) phases.insert(phase);
+    }
+  };
+  add_phases(of_base);
+  add_phases(of_candidate);
+  std::ranges::for_each(seconds, add_phases);
   const bool has_phases = state.cell.workload != kCommandCell;
   const auto call = has_phases ? times_of(seconds, "call") : std::nullopt;
-  for (const auto& [phase, time] : seconds.front()) {
+  for (const std::string& phase : phases) {
     const auto times = times_of(seconds, phase);
-    if (!times) continue;
+    const bool base_has = time_of(of_base, phase).has_value();
+    const bool candidate_has = time_of(of_candidate, phase).has_value();
+    if (!times || !(has_phases || (base_has && candidate_has))) {
+      // Of what only one has the checks tell.
+      if (!has_phases && base_has == candidate_has) state.passing.insert(phase);
+      continue;
+    }
     const bool trifle =
         call && is_part_of_call(phase) &&
         *std::ranges::max_element(*times) < kLeastShare * *std::ranges::min_element(*call);
@@ -280,10 +313,8 @@ void DuetComparison::start_series(DuetCellState& state, const std::vector<Second
     const bool setup = has_phases && is_setup(phase);
     DuetSeries series;
     if (setup) series.rule = DuetRule(setup_thresholds());
-    for (const auto& check : state.checks) {
-      const auto measure = check->measures.find(phase);
-      if (measure != check->measures.end()) series.measure = measure->second;
-    }
+    const auto measure = state.checks[0]->measures.find(phase);
+    if (measure != state.checks[0]->measures.end()) series.measure = measure->second;
     state.series.emplace(phase, std::move(series));
   }
   if (state.series.empty()) state.not_comparable = "the programs have no phase in common";

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -49,6 +50,8 @@ struct DuetCellState {
   std::array<std::string, 2> failures;  ///< By side: why it has no more samples; empty = none.
   std::string not_comparable;           ///< Empty = it is.
   std::map<std::string, DuetSeries> series;
+  /// Figures of commands that some of the first processes of both have above 0, and others not.
+  std::set<std::string> passing;
   std::size_t blocks = 0, canaries = 0;
 
   [[nodiscard]] bool ended() const;    ///< Nothing can be measured any more.
@@ -62,7 +65,8 @@ struct DuetCellState {
 
 class DuetComparison {
  public:
-  DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed);
+  /// @param limit  Of one process: what has timed out under a shorter one is tried again.
+  DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed, Nanos limit = {});
 
   /// Cells in turns, each turn in a random order of its own; ABBA and BAAB as often. While
   /// something of a cell is being confirmed, a canary before every second block: an alarm needs
@@ -78,7 +82,9 @@ class DuetComparison {
   /// empty = it can.
   [[nodiscard]] std::string unlike_first(const DuetStep& step, Side side,
                                          const Sample& sample) const;
-  [[nodiscard]] Event failure_of(const DuetStep& step, Side side, const std::string& error) const;
+  /// @param timed_out  Whether a longer limit may help.
+  [[nodiscard]] Event failure_of(const DuetStep& step, Side side, const std::string& error,
+                                 bool timed_out = false) const;
   /// @throws Error{kBadInput} if it is none of the events above, or of no cell of this comparison.
   void apply(const Event& event);
 
@@ -98,6 +104,7 @@ class DuetComparison {
 
   std::vector<DuetCellState> cells_;
   std::uint64_t seed_;
+  Nanos limit_;
   std::size_t processes_ = 0;
 };
 

@@ -88,13 +88,13 @@ class DuetRun {
           const DuetLimits& limits, const std::function<void(const DuetStep&)>& on_step)
       : comparison_(comparison), ledger_(ledger), take_(take), limits_(limits), on_step_(on_step) {}
 
-  /// Until @p lane is decided, or any lane had to end.
-  void measure(const DuetLane& lane) {
+  /// Until @p lane is decided or has no time left, or any lane was stopped.
+  void measure(DuetLane lane) {
     try {
       while (const auto step = begin(lane)) {
         auto outcomes = take(*step);
-        if (outcomes.back().stopped) return end_all(DuetEnd::kStopped);
-        if (outcomes.back().out_of_time) return end_all(DuetEnd::kOutOfTime);
+        if (outcomes.back().stopped) return note(DuetEnd::kStopped);
+        if (outcomes.back().out_of_time) return note(DuetEnd::kOutOfTime);
         keep(*step, std::move(outcomes));
       }
     } catch (...) {
@@ -115,19 +115,25 @@ class DuetRun {
   }
 
  private:
-  std::optional<DuetStep> begin(const DuetLane& lane) {
+  /// @param lane  Loses the cells whose next step would last too long.
+  std::optional<DuetStep> begin(DuetLane& lane) {
     const std::lock_guard lock(mutex_);
-    if (end_ || error_) return std::nullopt;
-    auto step = comparison_.next(lane);
-    if (!step) return std::nullopt;
-    if (is_set(limits_.stop)) end_ = DuetEnd::kStopped;
-    const Nanos lasts = static_cast<std::int64_t>(step->order.size()) * longest_;
-    if (!end_ && limits_.time && clock_.now() - start_ + lasts >= *limits_.time) {
+    while (end_ != DuetEnd::kStopped && !error_) {
+      auto step = comparison_.next(lane);
+      if (!step) break;
+      if (is_set(limits_.stop)) {
+        end_ = DuetEnd::kStopped;
+        break;
+      }
+      const Nanos lasts = static_cast<std::int64_t>(step->order.size()) * longest_[step->cell];
+      if (!limits_.time || clock_.now() - start_ + lasts < *limits_.time) {
+        if (on_step_) on_step_(*step);
+        return step;
+      }
       end_ = DuetEnd::kOutOfTime;
+      std::erase(lane, step->cell);
     }
-    if (end_) return std::nullopt;
-    if (on_step_) on_step_(*step);
-    return step;
+    return std::nullopt;
   }
 
   /// Of the step's processes up to the first that gave no sample.
@@ -140,12 +146,12 @@ class DuetRun {
           limits_.time ? std::max(*limits_.time - (begin - start_), Nanos(0)) : Nanos::max();
       outcomes.push_back(take_(side, cell, step.sample, left));
       const auto& sample = outcomes.back().sample;
-      // Of several, such as those that warm up, the last one.
-      const Nanos took =
-          sample && sample->wall_s > 0 ? from_s(sample->wall_s) : clock_.now() - begin;
-      const std::lock_guard lock(mutex_);
-      longest_ = std::max(longest_, took);
       if (!sample) break;
+      // Of several, such as those that warm up, the last one.
+      const Nanos took = sample->wall_s > 0 ? from_s(sample->wall_s) : clock_.now() - begin;
+      const std::lock_guard lock(mutex_);
+      Nanos& longest = longest_[step.cell];
+      longest = std::max(longest, took);
     }
     return outcomes;
   }
@@ -158,7 +164,7 @@ class DuetRun {
       const Side side = step.order[samples.size()];
       if (outcome.sample) outcome.error = comparison_.unlike_first(step, side, *outcome.sample);
       if (!outcome.error.empty()) {
-        event = comparison_.failure_of(step, side, outcome.error);
+        event = comparison_.failure_of(step, side, outcome.error, outcome.timed_out);
         break;
       }
       samples.push_back(std::move(*outcome.sample));
@@ -168,9 +174,10 @@ class DuetRun {
     ledger_.append(*event);
   }
 
-  void end_all(DuetEnd end) {
+  /// That some lane ended early; being stopped ends all.
+  void note(DuetEnd end) {
     const std::lock_guard lock(mutex_);
-    end_ = end;
+    if (end_ != DuetEnd::kStopped) end_ = end;
   }
 
   DuetComparison& comparison_;
@@ -181,8 +188,8 @@ class DuetRun {
   const MachineClock clock_;
   const Nanos start_ = clock_.now();
   std::mutex mutex_;
-  Nanos longest_{0};            ///< Of a process.
-  std::optional<DuetEnd> end_;  ///< Why some lane ended early.
+  std::map<std::size_t, Nanos> longest_;  ///< Of a process that gave a sample, by cell.
+  std::optional<DuetEnd> end_;            ///< Why some lane ended early.
   std::exception_ptr error_;
 };
 
@@ -191,6 +198,7 @@ class DuetRun {
 SampleOutcome run_sample(ProcessRequest request, const OutputReader& reader, Nanos most) {
   const bool bounded = most < request.limit;
   request.limit = std::min(most, request.limit);
+  request.most_output = kMostOutput;
   const ProcessResult process = run_process(request);
   SampleOutcome outcome;
   outcome.stopped = process.end == ProcessResult::End::kStopped;
@@ -199,6 +207,7 @@ SampleOutcome run_sample(ProcessRequest request, const OutputReader& reader, Nan
   if (process.end != ProcessResult::End::kExited || process.code != 0) {
     const std::string words = one_line(process.diagnostics, kLastWords);
     outcome.error = how_it_ended(process, request.limit) + (words.empty() ? "" : ": " + words);
+    outcome.timed_out = process.end == ProcessResult::End::kTimedOut;
     return outcome;
   }
   try {
@@ -240,7 +249,8 @@ std::string machine_key() {
 Ledger::Event built_key(const std::filesystem::path& program) {
   std::map<std::string, std::string> contents;
   std::error_code ignored;  // Who may only run what is there does not see it.
-  for (const auto& entry : std::filesystem::directory_iterator(program.parent_path(), ignored)) {
+  const auto folder = std::filesystem::canonical(program).parent_path();
+  for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
     const std::string name = entry.path().filename();
     const bool is_library = name.ends_with(".so") || name.find(".so.") != std::string::npos;
     if (is_library && entry.is_regular_file()) contents[name] = content_key(entry.path());

@@ -19,6 +19,7 @@ struct SampleOutcome {
   std::string error;         ///< Empty with a sample, and if stopped or out of time.
   bool stopped = false;      ///< By the user.
   bool out_of_time = false;  ///< It took longer than it might.
+  bool timed_out = false;    ///< The error is that it took longer than a process may.
 };
 /// May be asked for samples of different units at the same time.
 /// @param most  What it may take; whatever takes longer is ended, and is no failure of its own.
@@ -28,8 +29,9 @@ using TakeSample =
 struct OutputReader;
 struct ProcessRequest;
 inline constexpr std::size_t kLastWords = 300;  ///< Characters of stderr that a reason quotes.
+inline constexpr std::size_t kMostOutput = std::size_t{64} << 20;  ///< Bytes.
 /// One process to its end, and what @p reader makes of it: an exit code that is not 0, a signal, a
-/// time limit and an output that is none of its kind are errors.
+/// time limit, more than kMostOutput and an output that is none of its kind are errors.
 /// @param most  As of TakeSample; request.limit is the process' own.
 [[nodiscard]] SampleOutcome run_sample(ProcessRequest request, const OutputReader& reader,
                                        Nanos most);
@@ -54,7 +56,8 @@ struct DuetPrograms {
 /// Hash of a file, for a ledger; of one above 256 MB its size and when it was written.
 /// @throws Error{kBadInput} if it cannot be read.
 [[nodiscard]] std::string content_key(const std::filesystem::path& file);
-/// A program and the libraries that were built with it, in its folder.
+/// A program and the libraries that were built with it, in its folder, or that of the program that
+/// it is a link to.
 [[nodiscard]] Ledger::Event built_key(const std::filesystem::path& program);
 /// The machine of a ledger: its processor, cores that may be used, and kernel.
 [[nodiscard]] std::string machine_key();
@@ -68,7 +71,8 @@ struct DuetPrograms {
 enum class DuetEnd : std::uint8_t { kDecided, kStopped, kOutOfTime };
 
 struct DuetLimits {
-  /// What would last longer, by the longest process so far, is not begun; what does is ended.
+  /// What would last longer, by the cell's longest process so far, is not begun; what does is
+  /// ended.
   std::optional<Nanos> time;
   const std::atomic<bool>* stop = nullptr;
 };

@@ -8,9 +8,11 @@
 #include <cmath>
 #include <map>
 
+#include "characterize/published/google_benchmark.h"
 #include "characterize/statistics/rank_tests.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/printable.h"
 #include "workloads/base/text/text.h"
 #include "workloads/model/phase.h"
 
@@ -28,6 +30,11 @@ class Figures {
     if (name.empty() || name.size() > kLongestName) {
       throw_bad_input(
           fmt::format("a name of {} characters, not of 1 to {}", name.size(), kLongestName));
+    }
+    for (const std::string& text : {name, measure.unit}) {
+      if (const auto found = find_unprintable(text)) {
+        throw_bad_input(fmt::format("'{}' has {}", printable(text), found->what));
+      }
     }
     if (!std::isfinite(value)) throw_bad_input("'" + name + "' is no finite figure");
     const auto [known, is_new] = measures_.try_emplace(name, measure);
@@ -70,6 +77,7 @@ Sample read_pirt(const ProcessResult& process) {
 Sample read_workload(const ProcessResult& process) {
   Sample sample = read_pirt(process);
   sample.seconds.erase(std::string(to_string(Phase::kDeviceInit)));
+  sample.inputs.clear();  // Each generates its own.
   return sample;
 }
 
@@ -81,67 +89,21 @@ Sample read_time(const ProcessResult& process) {
   return figures.sample();
 }
 
-/// Of versions that do not say `run_type`.
-bool is_named_as_aggregate(const std::string& name) {
-  constexpr std::array kEnds = {"_BigO", "_RMS", "_mean", "_median", "_stddev", "_cv"};
-  return std::ranges::any_of(kEnds, [&name](const char* end) { return name.ends_with(end); });
-}
-
-double seconds_in(const std::string& unit) {
-  constexpr std::array<std::pair<std::string_view, double>, 4> kUnits = {
-      {{"ns", 1e-9}, {"us", 1e-6}, {"ms", 1e-3}, {"s", 1}}};
-  for (const auto& [name, seconds] : kUnits) {
-    if (name == unit) return seconds;
-  }
-  throw_bad_input("an unknown time_unit '" + unit + "'");
-}
-
-/// With null for NaN and Infinity, which Google Benchmark writes of counters that have no figure
-/// and JSON does not know.
-std::string without_nan(std::string_view text) {
-  constexpr std::array<std::string_view, 4> kNone = {"-NaN", "NaN", "-Infinity", "Infinity"};
-  std::string json;
-  bool quoted = false;
-  while (!text.empty()) {
-    const auto none = std::ranges::find_if(
-        kNone, [&](std::string_view each) { return !quoted && text.starts_with(each); });
-    const std::size_t taken = none != kNone.end()                            ? none->size()
-                              : quoted && text[0] == '\\' && text.size() > 1 ? 2
-                                                                             : 1;
-    if (taken == 1 && text[0] == '"') quoted = !quoted;
-    json += none != kNone.end() ? std::string_view("null") : text.substr(0, taken);
-    text.remove_prefix(taken);
-  }
-  return json;
-}
-
 Sample read_gbench(const ProcessResult& process) {
-  // What the program prints besides stands before it.
-  const auto begin = process.output.starts_with('{') ? 0 : process.output.find("\n{");
-  const auto json =
-      begin == std::string::npos
-          ? std::nullopt
-          : try_parse_json(without_nan(std::string_view(process.output).substr(begin)));
-  if (!json || !json->is_object() || !json->contains("benchmarks")) {
+  const auto benchmarks = find_benchmarks(process.output);
+  if (!benchmarks) {
     throw_bad_input(fmt::format("stdout is no JSON of Google Benchmark but '{}'",
                                 one_line(process.output, 60)));
   }
   Figures figures;
   try {
-    for (const Json& entry : json->at("benchmarks")) {
-      const std::string name = entry.at("name");
-      if (entry.value("error_occurred", false)) {
-        throw_bad_input(fmt::format("benchmark {}: {}", name,
-                                    entry.value("error_message", std::string("an error"))));
+    for (const BenchmarkEntry& entry : benchmark_entries(*benchmarks)) {
+      if (entry.kind == BenchmarkEntry::Kind::kError) {
+        throw_bad_input(fmt::format("benchmark {}: {}", entry.name, entry.said));
       }
-      if (entry.value("run_type", std::string(is_named_as_aggregate(name) ? "" : "iteration")) !=
-          "iteration") {
-        continue;
+      if (entry.kind == BenchmarkEntry::Kind::kTime) {
+        figures.add(entry.name, 1e-9 * entry.real_ns, {"s"});
       }
-      figures.add(name,
-                  entry.at("real_time").get<double>() *
-                      seconds_in(entry.value("time_unit", std::string("ns"))),
-                  {"s"});
     }
   } catch (const JsonError& error) {
     throw_bad_input("a benchmark's entry: " + error.reason());
@@ -211,7 +173,7 @@ constexpr std::array<OutputReader, 4> kReaders = {
      {"lines", "lines NAME VALUE UNIT [lower|higher]", read_lines, no_arguments},
      {"pirt", "what pirt sample answers", read_pirt, no_arguments}}};
 constexpr OutputReader kWorkloadReader = {"workload", "what pirt sample answers of a workload",
-                                          read_workload, no_arguments};
+                                          read_workload, no_arguments, "--verify"};
 
 }  // namespace
 

@@ -113,6 +113,7 @@ Json to_json(const Sample& sample) {
   for (const auto& [name, measure] : sample.measures) {
     json["measures"][name] = {{"unit", measure.unit}, {"higher", measure.higher_is_better}};
   }
+  if (!sample.files.empty()) json["files"] = sample.files;
   if (sample.wall_s > 0) json["wall_s"] = sample.wall_s;
   return json;
 }
@@ -126,17 +127,17 @@ Sample sample_from_json(const std::string& text) {
         parse_json(text.substr(begin, end == std::string::npos ? end : end + 2 - begin));
     if (json.at("pirt_sample").get<int>() < kSampleFormat) throw_bad_input("an unknown format");
     Sample sample;
-    sample.version = json.at("version");
     sample.device = json.at("device");
-    sample.driver = json.value("driver", "");
     if (json.contains("right")) {
       sample.inputs = json.at("inputs");
       sample.right = json.at("right");
       sample.detail = json.at("detail");
     }
-    sample.contended = json.value("contended", false);
     sample.seconds = json.at("seconds").get<std::map<std::string, double>>();
     sample.wall_s = json.value("wall_s", 0.0);
+    if (json.contains("files")) {
+      sample.files = json.at("files").get<std::map<std::string, std::string>>();
+    }
     if (json.contains("measures")) {
       for (const auto& [name, measure] : json.at("measures").items()) {
         sample.measures[name] = {measure.at("unit"), measure.at("higher")};

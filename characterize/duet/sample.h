@@ -58,7 +58,10 @@ struct Sample {
   /// By phase, medians of calls; of a command by the name of the figure, in what `measures` says.
   std::map<std::string, double> seconds;
   std::map<std::string, Measure> measures;  ///< Of those that are no seconds where less is better.
-  double wall_s = 0;                        ///< Of the process, from start to end; 0 = not known.
+  /// Of a command's first process: contents of the files that the command names and leaves as they
+  /// are, by path.
+  std::map<std::string, std::string> files;
+  double wall_s = 0;  ///< Of the process, from start to end; 0 = not known.
 };
 
 /// Sets up, runs and times a cell in this process, which must be fresh: set-up is timed too.

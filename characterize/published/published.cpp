@@ -8,6 +8,7 @@
 #include "characterize/campaign/run_facts.h"
 #include "characterize/machine/environment.h"
 #include "characterize/published/csv_table.h"
+#include "characterize/published/google_benchmark.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/numbers.h"
@@ -58,12 +59,11 @@ Publication read_publication(const std::string& file, const std::string& text) {
   const auto first = text.find_first_not_of(" \t\r\n");
   if (first == std::string::npos) throw_bad_input("'" + file + "' is empty");
   const std::string body = text.substr(first);
-  if (body.front() == '{') {
-    try {
-      return read_json_of(file, parse_json(body));
-    } catch (const JsonError& error) {
-      throw_bad_input("'" + file + "' cannot be imported: " + error.reason());
-    }
+  try {
+    if (const auto benchmarks = find_benchmarks(body)) return read_json_of(file, *benchmarks);
+    if (body.front() == '{') return read_json_of(file, parse_json(body));
+  } catch (const JsonError& error) {
+    throw_bad_input("'" + file + "' cannot be imported: " + error.reason());
   }
   if (body.front() == '#' && body.find("# Performance Model") != std::string::npos) {
     return read_starpu(file, text);

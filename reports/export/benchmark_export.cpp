@@ -4,7 +4,6 @@
 // reads.
 #include <fmt/core.h>
 
-#include <charconv>
 #include <optional>
 #include <utility>
 
@@ -15,17 +14,6 @@
 namespace pirt {
 namespace {
 
-using Json = Json;
-
-std::optional<double> number(const RunInfo& run, const std::string& key) {
-  const auto fact = run.environment.find(key);
-  if (fact == run.environment.end()) return std::nullopt;
-  double value = 0;
-  const char* end = fact->second.data() + fact->second.size();
-  const auto [rest, error] = std::from_chars(fact->second.data(), end, value);
-  return error == std::errc() && rest == end ? std::optional(value) : std::nullopt;
-}
-
 std::string fact(const RunInfo& run, const std::string& key) {
   const auto found = run.environment.find(key);
   return found == run.environment.end() ? std::string("unknown") : found->second;
@@ -35,12 +23,12 @@ std::string fact(const RunInfo& run, const std::string& key) {
 Json context(const Profile& profile) {
   const RunInfo& run = profile.runs.front();
   Json json = {{"date", run.started}, {"executable", "pirt"}};
-  if (const auto cores = number(run, "cores_online")) {
+  if (const auto cores = run.figure("cores_online")) {
     json["num_cpus"] = static_cast<std::int64_t>(*cores);
   }
   json["caches"] = Json::array();
   json["load_avg"] = Json::array();
-  if (const auto load = number(run, "load_1m")) json["load_avg"].push_back(*load);
+  if (const auto load = run.figure("load_1m")) json["load_avg"].push_back(*load);
   json["library_build_type"] = fact(run, "build_type") == "Debug" ? "debug" : "release";
   json["json_schema_version"] = 1;
   json["pirt_version"] = fact(run, "pirt_version");

@@ -18,17 +18,22 @@
 
 namespace pirt {
 
-void keep_workloads(Profile& profile, const std::string& filter) {
+NameFilter workload_filter(const Profile& profile, const std::string& filter) {
+  NameFilter wanted(filter);
   const auto names = profile.workloads();
-  const NameFilter wanted(filter);
+  if (std::ranges::none_of(names, [&](const auto& name) { return wanted.picks(name); })) {
+    throw_bad_input(fmt::format("--filter '{}' matches no workload of '{}'{}", filter, profile.path,
+                                suggestion(filter, names)));
+  }
+  return wanted;
+}
+
+void keep_workloads(Profile& profile, const std::string& filter) {
+  const NameFilter wanted = workload_filter(profile, filter);
   const auto other = [&wanted](const auto& row) { return !wanted.picks(row.workload); };
   std::erase_if(profile.phases, other);
   std::erase_if(profile.conditions, other);
   std::erase_if(profile.energies, other);
-  if (profile.phases.empty()) {
-    throw_bad_input(fmt::format("--filter '{}' matches no workload of '{}'{}", filter, profile.path,
-                                suggestion(filter, names)));
-  }
 }
 
 Profile load_with_samples(const std::filesystem::path& path, std::string_view platform,

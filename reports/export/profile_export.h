@@ -12,6 +12,7 @@
 #include "characterize/profile/profile.h"
 #include "characterize/profile/store/reader.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/name_filter.h"
 
 namespace pirt {
 
@@ -22,6 +23,9 @@ namespace pirt {
 /// profile (with the nearest names).
 [[nodiscard]] Profile load_with_samples(const std::filesystem::path& path,
                                         std::string_view platform, const std::string& filter);
+
+/// @throws Error{kBadInput} as above.
+[[nodiscard]] NameFilter workload_filter(const Profile& profile, const std::string& filter);
 
 /// Leaves the rows of the workloads that contain @p filter. @throws Error{kBadInput} as above.
 void keep_workloads(Profile& profile, const std::string& filter);

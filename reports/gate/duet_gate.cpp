@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 
 #include "characterize/statistics/rank_tests.h"
 #include "workloads/base/text/json.h"
@@ -78,18 +79,25 @@ GateRow series_row(const DuetCellState& state, const std::string& phase, const D
 /// Figures of the first processes that no series is made of.
 void add_not_judged(const DuetCellState& state, std::vector<GateRow>& rows) {
   if (!state.checks[0] || !state.checks[1]) return;
+  const auto add = [&](const std::string& name, std::string reason) {
+    rows.push_back({.workload = state.cell.workload,
+                    .unit = state.cell.unit,
+                    .phase = name,
+                    .verdict = GateVerdict::kNotJudged,
+                    .reason = std::move(reason)});
+  };
+  for (const std::string& name : state.passing) {
+    add(name, "it is not above 0 in each of the first processes");
+  }
   for (const Side side : {Side::kBaseline, Side::kCandidate}) {
     const auto& own = state.checks[static_cast<std::size_t>(side)]->seconds;
     const auto& other = state.checks[side == Side::kBaseline ? 1 : 0]->seconds;
     for (const auto& [name, value] : own) {
       const bool both = other.contains(name);
       if (both && (side == Side::kCandidate || (value > 0 && other.at(name) > 0))) continue;
-      rows.push_back({.workload = state.cell.workload,
-                      .unit = state.cell.unit,
-                      .phase = name,
-                      .verdict = GateVerdict::kNotJudged,
-                      .reason = both ? "it is not above 0 on both sides, so that there is no ratio"
-                                     : fmt::format("only the {} has it", to_string(side))});
+      if (state.passing.contains(name)) continue;
+      add(name, both ? "it is not above 0 on both sides, so that there is no ratio"
+                     : fmt::format("only the {} has it", to_string(side)));
     }
   }
 }

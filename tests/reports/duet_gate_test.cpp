@@ -93,6 +93,25 @@ TEST(DuetGate, AFailureOfTheCandidateFailsAndOfTheBaselineIsNotComparable) {
   EXPECT_EQ(exit_code_of(of_baseline), kExitInconclusive);
 }
 
+TEST(DuetGate, AFigureThatTheFirstProcessesDoNotAllHaveIsNamedAndNotJudged) {
+  DuetComparison comparison({{std::string(kCommandCell), ""}}, 1);
+  Ledger nowhere;
+  int processes = 0;
+  const auto take = [&processes](Side side, const DuetCell&, SampleKind, Nanos) {
+    Sample sample;
+    sample.seconds = {{"time", 1.0}};
+    if (++processes > 2) sample.seconds["rate"] = side == kA ? 100 : 50;
+    if (processes > 2) sample.measures = {{"rate", {"MB/s", true}}};
+    return SampleOutcome{.sample = sample, .error = {}};
+  };
+  const auto end = run_duet(comparison, nowhere, take, one_at_a_time(1), {});
+  const auto result = judge_duet(comparison, end);
+  ASSERT_EQ(result.rows.size(), 2U);
+  EXPECT_EQ(result.rows[1].phase, "rate");
+  EXPECT_EQ(result.rows[1].verdict, GateVerdict::kNotJudged);
+  EXPECT_THAT(result.rows[1].reason, HasSubstr("each of the first processes"));
+}
+
 TEST(DuetGate, WhatTimeDidNotAllowIsInconclusive) {
   const auto result = judged(calls({}), {.time = Nanos(0)});
   EXPECT_EQ(exit_code_of(result), kExitInconclusive);

@@ -20,6 +20,7 @@
 #include "reports/gate/pooling.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/name_filter.h"
 #include "workloads/base/text/shell.h"
 #include "workloads/catalog/catalog.h"
 
@@ -58,10 +59,9 @@ struct Table {
   std::string name;  ///< Its path, and how many runs it is made of.
 };
 
-Table open_table(const std::string& path, const std::string& platform, const std::string& filter) {
+Table open_table(const std::string& path, const std::string& platform) {
   const ProfileReader reader(path);
   Table table{.profile = reader.read(platform), .name = path};
-  if (!filter.empty()) keep_workloads(table.profile, filter);
   const Pooled pooled = pool_samples(reader, table.profile);
   if (pooled.runs > 1) table.name += fmt::format(" ({} runs)", pooled.runs);
   if (pooled.left_out > 0) {
@@ -71,14 +71,25 @@ Table open_table(const std::string& path, const std::string& platform, const std
   return table;
 }
 
+/// What is said of a row depends on the others: all were judged. What all rows did together stays.
+void keep_workloads(GateReport& report, const NameFilter& wanted) {
+  std::erase_if(report.result.rows, [&wanted](const GateRow& row) {
+    return row.workload != "all" && !wanted.picks(row.workload);
+  });
+  if (!report.decisions) return;
+  std::erase_if(report.decisions->flips,
+                [&wanted](const Flip& flip) { return !wanted.picks(flip.workload); });
+}
+
 GateReport compare(const RegressOptions& options) {
   const auto& base_path = options.files[0];
   const auto& candidate_path = options.files[1];
   refuse_same_file(base_path, candidate_path, "; give a baseline and a candidate");
   const auto platform = given_platform(options);
   const std::string name = platform ? platform->name : "";
-  const Table base = open_table(base_path, name, options.filter);
-  const Table candidate = open_table(candidate_path, name, options.filter);
+  const Table base = open_table(base_path, name);
+  const NameFilter wanted = workload_filter(base.profile, options.filter);
+  const Table candidate = open_table(candidate_path, name);
   GateReport report{.base = base.name,
                     .candidate = candidate.name,
                     .strict = options.strict,
@@ -88,10 +99,11 @@ GateReport compare(const RegressOptions& options) {
   describe_rule(GateThresholds{}, report);
   if (!options.anchor.empty()) {
     refuse_same_file(options.anchor, candidate_path, "; give an older base as --anchor");
-    const Table anchor = open_table(options.anchor, name, options.filter);
+    const Table anchor = open_table(options.anchor, name);
     report.anchor = anchor.name;
     add_anchor(judge(diff_profiles(anchor.profile, candidate.profile)), report.result);
   }
+  keep_workloads(report, wanted);
   return report;
 }
 

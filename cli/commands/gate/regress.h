@@ -56,6 +56,7 @@ struct LiveComparison {
   DuetRounds rounds;
   const std::atomic<bool>* stop = nullptr;
   std::function<void(const DuetStep&)> on_step = {};  ///< Before each step; may be empty.
+  std::function<void(const Ledger&)> on_ledger = {};  ///< Once it is read; may be empty.
 };
 /// Measures, prints the answer and keeps the ledger as long as there is something to go on with.
 /// @return The exit code.

@@ -8,7 +8,9 @@
 #include "cli/long_run.h"
 #include "cli/options/duration.h"
 #include "workloads/base/error.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/shell.h"
+#include "workloads/own/own.h"
 
 namespace pirt::cli {
 namespace {
@@ -38,9 +40,12 @@ void say_how_long(const DuetComparison& comparison, const DuetStep& step,
 
 int regress_commands(const RegressOptions& options) {
   const DuetCommands commands = commands_of(options);
-  DuetComparison comparison({{std::string(kCommandCell), ""}}, options.seed);
+  DuetComparison comparison({{std::string(kCommandCell), ""}}, options.seed, commands.limit);
   run_setup(commands);  // Which may build them.
-  const auto key = ledger_key(commands, options.seed);
+  auto key = ledger_key(commands, options.seed);
+  Json digests = Json::array();
+  for (const std::string& file : options.own.all()) digests.push_back(own::digest_of(file));
+  key["own"] = digests;
   return finish_comparison(
       options,
       {.comparison = comparison,
@@ -48,7 +53,11 @@ int regress_commands(const RegressOptions& options) {
        .take = command_samples(commands, comparison),
        .rounds = one_at_a_time(1),
        .stop = commands.stop,
-       .on_step = [&](const DuetStep& step) { say_how_long(comparison, step, options.max_time); }},
+       .on_step = [&](const DuetStep& step) { say_how_long(comparison, step, options.max_time); },
+       .on_ledger =
+           [&](const Ledger& ledger) {
+             refuse_changed_files(commands, comparison, ledger.path());
+           }},
       options.baseline_command, options.candidate_command);
 }
 

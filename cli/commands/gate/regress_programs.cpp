@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 
@@ -18,6 +19,7 @@
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/name_filter.h"
 #include "workloads/base/text/text.h"
+#include "workloads/catalog/specs.h"
 
 namespace pirt::cli {
 namespace {
@@ -74,7 +76,13 @@ DuetPrograms programs_of(const RegressOptions& options) {
 std::vector<DuetCell> chosen_cells(const RegressOptions& options, const DuetPrograms& programs) {
   std::vector<DuetCell> cells;
   const std::string scheduler(kSchedulerCell);
-  if (options.filter != scheduler) {
+  const NameFilter filter(options.filter);
+  // By itself the scheduler is no workload that a campaign would find.
+  const bool is_alone = filter.picks(scheduler) && options.filter.find('@') == std::string::npos &&
+                        std::ranges::none_of(workload_names(), [&filter](const std::string& name) {
+                          return filter.picks(name);
+                        });
+  if (!is_alone) {
     CampaignOptions campaign;
     campaign.platform_argument = programs.platform_argument;
     campaign.platform = programs.platform;
@@ -85,10 +93,8 @@ std::vector<DuetCell> chosen_cells(const RegressOptions& options, const DuetProg
     for (const auto& cell : plan.cells) cells.push_back({cell.workload->name, cell.unit});
     warn_of_skipped(plan, "compared", "pirt list backends");
   }
-  const bool all_units = options.units.empty();
-  if (all_units && NameFilter(options.filter).picks(scheduler)) {
-    cells.push_back({scheduler, ""});
-  }
+  if (options.units.empty() && filter.picks(scheduler)) cells.push_back({scheduler, ""});
+  if (cells.empty()) throw_bad_input("the scheduler is on no unit: leave --units out");
   return cells;
 }
 
@@ -114,6 +120,7 @@ int finish_comparison(const RegressOptions& options, const LiveComparison& live,
   DuetComparison& comparison = live.comparison;
   Ledger ledger(options.ledger.value_or(kDefaultLedger), live.key,
                 [&](const Ledger::Event& event) { comparison.apply(event); });
+  if (live.on_ledger) live.on_ledger(ledger);
   if (const auto there = comparison.processes(); there > 0) {
     warn(fmt::format("going on with {}: {} processes are there", ledger.path().string(), there));
   }
@@ -159,7 +166,7 @@ int regress_programs(const RegressOptions& options) {
   programs.baseline = checked_program(options.baseline_program, "--baseline-program");
   programs.candidate = checked_program(options.candidate_program, "--candidate-program");
   const auto cells = chosen_cells(options, programs);
-  DuetComparison comparison(cells, options.seed);
+  DuetComparison comparison(cells, options.seed, programs.limit);
   return finish_comparison(
       options,
       {.comparison = comparison,

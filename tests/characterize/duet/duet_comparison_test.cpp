@@ -210,6 +210,16 @@ TEST(DuetComparison, ComparesOnlyWhatComputesTheSame) {
   EXPECT_EQ(wrong.blocks, 0U);
 }
 
+TEST(DuetComparison, ABlockBeforeTheFirstProcessesIsRefused) {
+  DuetComparison comparison({kTwo[0]}, 1);
+  DuetStep step;
+  step.kind = DuetStep::Kind::kBlock;
+  step.order = {Side::kBaseline, Side::kCandidate, Side::kCandidate, Side::kBaseline};
+  const auto block = comparison.event_of(step, std::vector<Sample>(4, answer(1e-3)));
+  EXPECT_THAT(test::bad_input([&] { comparison.apply(block); }),
+              HasSubstr("before the first processes"));
+}
+
 class DuetLedger : public testing::Test {
  protected:
   Ledger open(DuetComparison& comparison) {
@@ -251,6 +261,27 @@ TEST_F(DuetLedger, GoesOnAfterEveryInterruptionToTheSameEnd) {
               series(whole, 0, "execute").rule.blocks());
   }
   EXPECT_GT(runs, 10);
+}
+
+TEST_F(DuetLedger, WhatTimedOutIsTriedAgainUnderALongerLimitOnly) {
+  int processes = 0;
+  const auto failure = [&](std::chrono::seconds limit, bool hangs) {
+    DuetComparison comparison({kTwo[0]}, 1, limit);
+    Ledger ledger = open(comparison);
+    const auto take = [&](Side side, const DuetCell& cell, SampleKind kind, Nanos most) {
+      ++processes;
+      if (side == Side::kBaseline || !hangs) return steady(1)(side, cell, kind, most);
+      return SampleOutcome{.sample = {}, .error = "timed out", .timed_out = true};
+    };
+    run_duet(comparison, ledger, take, one_at_a_time(1), {});
+    return comparison.cells()[0].failures[1];
+  };
+  EXPECT_EQ(failure(std::chrono::seconds(60), true), "timed out");
+  EXPECT_EQ(failure(std::chrono::seconds(60), false), "timed out");
+  EXPECT_EQ(failure(std::chrono::seconds(30), false), "timed out");
+  EXPECT_EQ(processes, 2);
+  EXPECT_EQ(failure(std::chrono::seconds(300), false), "");
+  EXPECT_EQ(processes, 2 + 1 + 4 * 8);
 }
 
 TEST_F(DuetLedger, EndsAllLanesWhenOneCannotStart) {
@@ -347,7 +378,7 @@ TEST(Sample, ReadsWhatItWritesAndNothingElse) {
   for (const char* bad :
        {"", "{}", "[1]", "hello", R"({"pirt_sample": 1, "version": "1", "device": "d"})",
         R"({"pirt_sample": 1, "version": "1", "device": "d", "seconds": {"call": 1e999}})",
-        R"({"pirt_sample": 1, "version": 1, "device": "d", "seconds": {}})"}) {
+        R"({"pirt_sample": 1, "version": "1", "device": 1, "seconds": {}})"}) {
     EXPECT_THAT(test::bad_input([&] { static_cast<void>(sample_from_json(bad)); }),
                 HasSubstr("pirt sample"));
   }

@@ -147,5 +147,23 @@ TEST(DuetRun, OneLanesEndIsAllLanesEnd) {
   }
 }
 
+// A step of the first cell would last longer than there is time.
+TEST(DuetRun, ACellThatTakesTooLongCostsNoOtherItsTime) {
+  for (const DuetRounds& rounds : {one_at_a_time(2), DuetRounds{std::vector<DuetLane>{{0}, {1}}}}) {
+    DuetComparison comparison({kFour[0], kFour[2]}, 1);
+    Ledger nowhere;
+    const auto take = [](Side, const DuetCell& cell, SampleKind, Nanos) {
+      Sample sample;
+      sample.seconds = {{"call", 1e-3}};
+      sample.wall_s = cell == kFour[0] ? 1e5 : 1e-3;
+      return SampleOutcome{.sample = sample, .error = {}};
+    };
+    EXPECT_EQ(run_duet(comparison, nowhere, take, rounds, {.time = std::chrono::hours(10)}),
+              DuetEnd::kOutOfTime);
+    EXPECT_FALSE(comparison.cells()[0].decided());
+    EXPECT_TRUE(comparison.cells()[1].decided());
+  }
+}
+
 }  // namespace
 }  // namespace pirt

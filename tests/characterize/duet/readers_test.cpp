@@ -1,12 +1,14 @@
 // What programs print, read as figures: each format, and what is none of it.
 #include "characterize/duet/readers.h"
 
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "characterize/duet/commands.h"
+#include "characterize/published/published.h"
 #include "tests/support/errors.h"
 
 namespace pirt {
@@ -76,6 +78,44 @@ TEST(OutputReader, GbenchRefusesErrorsAndWhatIsNone) {
               HasSubstr("years"));
 }
 
+// The same entries, as figures of a comparison and as rows that are imported.
+TEST(OutputReader, GbenchAndImportsReadEachEntryAlike) {
+  struct Case {
+    const char* entry;
+    std::optional<double> compared_s;
+    std::optional<Nanos> imported;
+    const char* left_out;  ///< Of the import.
+  };
+  const std::vector<Case> cases = {
+      {R"("name": "sort", "real_time": 3, "time_unit": "us", "rate": NaN)", 3e-6, Nanos(3'000), ""},
+      {R"("name": "sort_mean", "real_time": 3)", {}, {}, "aggregates"},
+      {R"("name": "sort_BigO", "real_coefficient": 3)", {}, {}, "aggregates"},
+      {R"("name": "sort", "skipped": true, "skip_message": "", "real_time": 0)", {}, {}, "skipped"},
+      {R"("name": "sort", "real_time": 3, "threads": 2)", 3e-9, {}, "several threads"},
+      {R"("name": "sort", "real_time": 0.25)", 0.25e-9, {}, "below a nanosecond"},
+      {R"("name": "all", "run_name": "sort", "real_time": 3)", 3e-9, Nanos(3), ""}};
+  for (const Case& each : cases) {
+    const std::string json =
+        fmt::format("a word before\n{{\"context\": {{}}, \"benchmarks\": [{{{}}}, {}]}}",
+                    each.entry, R"({"name": "other", "real_time": 5})");
+    const Sample sample = read("gbench", json);
+    EXPECT_EQ(sample.seconds.size(), each.compared_s ? 2U : 1U) << each.entry;
+    if (each.compared_s) {
+      EXPECT_NEAR(sample.seconds.at("sort"), *each.compared_s, 1e-15) << each.entry;
+    }
+    const Publication publication = read_publication("g.json", json);
+    const auto& figures = publication.boards.at(0).figures;
+    ASSERT_EQ(figures.size(), each.imported ? 2U : 1U) << each.entry;
+    if (each.imported) {
+      EXPECT_EQ(figures[0].workload, "gbench.sort");
+      EXPECT_THAT(figures[0].samples, ElementsAre(*each.imported)) << each.entry;
+      EXPECT_THAT(publication.left_out, IsEmpty());
+    } else {
+      EXPECT_THAT(publication.left_out, ElementsAre(HasSubstr(each.left_out)));
+    }
+  }
+}
+
 TEST(OutputReader, GbenchIsAskedForWhatIsUndecidedOnly) {
   const auto arguments = find_reader("gbench").arguments;
   EXPECT_THAT(arguments({}), ElementsAre("--benchmark_format=json"));
@@ -108,6 +148,19 @@ TEST(OutputReader, LinesRefusesOddOnesWithTheirNumber) {
   for (int i = 0; i < 1001; ++i) many += "n" + std::to_string(i) + " 1 s\n";
   EXPECT_THAT(refused("lines", many), HasSubstr("more than 1000"));
   EXPECT_THAT(refused("lines", std::string(201, 'x') + " 1 s"), HasSubstr("201 characters"));
+  EXPECT_THAT(refused("lines", "d\xe9 1 s"), HasSubstr("not UTF-8"));
+  EXPECT_THAT(refused("lines", "a 1 \xb5s"), HasSubstr("not UTF-8"));
+}
+
+TEST(OutputReader, OfTwoWorkloadsTheFirstProcessesVerifyAndInputsAreTheirOwn) {
+  EXPECT_EQ(workload_reader().first, "--verify");
+  ProcessResult process;
+  process.output = R"({"pirt_sample": 1, "device": "CPU", "inputs": "abc", "right": false,
+                      "detail": "3 differ", "seconds": {"call": 0.5, "device_init": 1}})";
+  const Sample sample = workload_reader().read(process);
+  EXPECT_EQ(sample.inputs, "");
+  EXPECT_EQ(sample.right, false);
+  EXPECT_FALSE(sample.seconds.contains("device_init"));
 }
 
 TEST(OutputReader, PirtIsOneOfThem) {
@@ -193,6 +246,23 @@ TEST(DuetCommands, AFigureBelowZeroIsNotJudged) {
   });
   EXPECT_FALSE(state.series.contains("offset"));
   EXPECT_EQ(state.series.at("time").rule.verdict(), DuetVerdict::kNotSlower);
+}
+
+TEST(DuetCommands, AFigureThatTheFirstProcessesDoNotAllHaveIsPassing) {
+  int processes = 0;
+  const auto state = compared([&processes](Side side) {
+    Sample sample;
+    const bool first = ++processes <= 2;
+    sample.seconds = {{"time", 1.0}, {"dropped", first ? 3.0 : 0.0}};
+    if (side == Side::kBaseline) sample.seconds["old"] = 1;
+    if (first) return sample;
+    // Half of it is worse.
+    sample.seconds["rate"] = side == Side::kBaseline ? 100 : 50;
+    sample.measures = {{"rate", {"MB/s", true}}};
+    return sample;
+  });
+  EXPECT_THAT(state.passing, ElementsAre("dropped", "rate"));
+  EXPECT_THAT(state.series, ElementsAre(Pair("time", testing::_)));
 }
 
 TEST(DuetCommands, NamesMeanNothingToTheRule) {
