@@ -16,8 +16,6 @@
 namespace pirt {
 namespace {
 
-using Json = Json;
-
 constexpr std::array kVerdicts = {GateVerdict::kFailed,       GateVerdict::kSlower,
                                   GateVerdict::kInconclusive, GateVerdict::kNotComparable,
                                   GateVerdict::kUndecided,    GateVerdict::kFaster,

@@ -1,7 +1,6 @@
 #include "reports/gate/pooling.h"
 
 #include <algorithm>
-#include <set>
 #include <string>
 
 #include "characterize/profile/identity.h"
@@ -13,21 +12,6 @@ namespace {
 
 /// Process numbers of one run are below this.
 constexpr std::int32_t kProcessesARun = 10'000;
-
-const RunInfo& run_of(const Profile& profile, std::int64_t run_id) {
-  return *std::ranges::find(profile.runs, run_id, &RunInfo::run_id);
-}
-
-/// Units whose rows must not be put together; "" = all.
-std::set<std::string> units_apart(const RunInfo& a, const RunInfo& b) {
-  std::set<std::string> units;
-  for (const auto& difference : compare_identity(a, b)) units.insert(difference.unit);
-  return units;
-}
-
-bool is_same(const PhaseRow& a, const PhaseRow& b) {
-  return is_valid(b) && a.ops == b.ops && a.bytes == b.bytes && a.provenance == b.provenance;
-}
 
 /// Runs differ by more than their processes do, so that the interval is what all of them span.
 void add(const PhaseRow& other, std::int32_t offset, PhaseRow& row) {
@@ -54,11 +38,10 @@ Pooled pool_samples(const ProfileReader& reader, Profile& profile) {
     bool others = false;
     for (PhaseRow& row : profile.phases) {
       if (row.run_id == id || !is_valid(row) || row.is_deterministic()) continue;
-      const RunInfo& own = run_of(profile, row.run_id);
-      const auto apart = units_apart(own, other.runs.front());
-      if (apart.contains("") || apart.contains(row.unit)) continue;
+      const RunInfo& own = *profile.find_run(row.run_id);
+      if (!compare_identity(own, other.runs.front(), row.unit).empty()) continue;
       const PhaseRow* same = other.find(row.workload, row.unit, row.phase, row.state);
-      if (same == nullptr || !is_same(row, *same)) continue;
+      if (same == nullptr || !is_valid(*same) || !compare_work(row, *same).empty()) continue;
       if (!compare_program(own, other.runs.front()).empty()) {
         others = true;
         continue;

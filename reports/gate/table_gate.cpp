@@ -8,7 +8,8 @@
 #include <set>
 #include <tuple>
 
-#include "characterize/machine/environment_keys.h"
+#include "characterize/campaign/validity.h"
+#include "characterize/profile/identity.h"
 #include "reports/gate/tail.h"
 #include "workloads/base/text/text.h"
 #include "workloads/base/time.h"
@@ -16,48 +17,35 @@
 namespace pirt {
 namespace {
 
-std::string phase_name(const PhaseRow& row) {
-  std::string name(to_string(row.phase));
-  if (row.state != State::kSteady) name += " " + std::string(to_string(row.state));
-  return name;
-}
-
 double percent_of(double log_ratio) { return 100 * std::expm1(log_ratio); }
 
-/// What of the identity differs for this unit; facts without a unit are of all.
-std::string identity_complaint(const ProfileDiff& diff, const std::string& unit) {
-  std::vector<std::string> parts;
-  for (const auto& each : diff.identity) {
-    const std::string of_unit = unit_of_key(each.fact);
-    if (!of_unit.empty() && of_unit != unit) continue;
-    parts.push_back(fmt::format("{} is {} and {}", each.fact, each.a.value_or("not there"),
-                                each.b.value_or("not there")));
-  }
-  return join(parts, "; ");
+/// In what the runs of two rows of a unit differ; empty if the rows may be compared.
+template <typename Row>
+std::string identity_complaint(const ProfileDiff& diff, const Row& base, const Row& candidate) {
+  return describe(compare_identity(*diff.a->find_run(base.run_id),
+                                   *diff.b->find_run(candidate.run_id), base.unit));
 }
 
 /// Why the two rows cannot be compared; empty if they can.
 std::string complaint(const ProfileDiff& diff, const PhasePair& pair) {
   const PhaseRow& base = *pair.a;
   const PhaseRow& candidate = *pair.b;
-  std::string identity = identity_complaint(diff, base.unit);
+  std::string identity = identity_complaint(diff, base, candidate);
   if (!identity.empty()) return identity;
   for (const auto& [row, whose] : {std::pair(&base, "base"), std::pair(&candidate, "candidate")}) {
     if (is_used(*row)) continue;
     return fmt::format("the {}'s row is invalid: {}", whose, join(row->reasons, ", "));
   }
-  if (base.ops != candidate.ops || base.bytes != candidate.bytes)
-    return "the workload is of another size";
-  if (base.provenance != candidate.provenance) {
-    return fmt::format("times are {} and {}", to_string(base.provenance),
-                       to_string(candidate.provenance));
-  }
-  return "";
+  return compare_work(base, candidate);
 }
 
-bool is_clock_bound(const PhaseRow& row) {
-  return std::ranges::any_of(
-      row.reasons, [](const std::string& reason) { return reason.starts_with("clock_bound"); });
+/// What nobody could measure, in both runs, is no change.
+template <typename Row>
+bool has_no_figure(const Row& base, const Row& candidate, GateRow& row) {
+  if (is_used(base) || is_used(candidate)) return false;
+  row.verdict = GateVerdict::kNotJudged;
+  row.reason = "no figure on either side: " + join(candidate.reasons, ", ");
+  return true;
 }
 
 /// A wrong output, or an error; empty if it has neither.
@@ -118,12 +106,8 @@ struct Estimate {
   double low = 0, middle = 0, high = 0;
 };
 
-/// Processes that an interval is one over: that of a single one is over its samples, and says
-/// nothing of another's.
-constexpr std::int64_t kFewestOfInterval = 3;
-
 std::optional<Estimate> estimate_of(const PhaseRow& row) {
-  if (row.processes < kFewestOfInterval) return std::nullopt;
+  if (row.processes < kFewestProcesses) return std::nullopt;
   if (!row.median || !row.ci_low || row.ci_low->count() <= 0) return std::nullopt;
   return Estimate{to_s(*row.ci_low), to_s(*row.median), to_s(*row.ci_high)};
 }
@@ -152,7 +136,7 @@ std::string doubt_of(const ProfileDiff& diff, const PhasePair& pair) {
     const PhaseRow* const call = profile->find(own->workload, own->unit, Phase::kCall);
     for (const PhaseRow* row : {own, is_setup(base.phase) ? call : nullptr}) {
       const std::string word = row == nullptr ? "" : barred_by(row->doubts);
-      if (!word.empty()) return fmt::format("the {}'s {} is {}", whose, phase_name(*row), word);
+      if (!word.empty()) return fmt::format("the {}'s {} is {}", whose, row->phase_name(), word);
     }
   }
   return "";
@@ -260,7 +244,7 @@ class Movements {
       const PeakRow* a = diff_.a->find_peak(unit, kind);
       const PeakRow* b = diff_.b->find_peak(unit, kind);
       if (a == nullptr || b == nullptr || !is_used(*a) || !is_used(*b)) continue;
-      if (!a->per_second || !b->per_second) continue;
+      if (!a->per_second || !b->per_second || !identity_complaint(diff_, *a, *b).empty()) continue;
       const double ratio = *b->per_second / *a->per_second;
       machine_.push_back({unit, kind, ratio});
       peaks_[unit].add(-std::log(ratio));
@@ -328,14 +312,19 @@ class Movements {
   std::vector<GateRow> rows_;
 };
 
-/// Whether @p run_id is older than a run of @p profile that was to measure the cell and has not.
-bool is_lost(const Profile& profile, const CellName& cell, std::int64_t run_id) {
-  return std::ranges::any_of(profile.runs, [&](const RunInfo& run) {
-    return run.run_id > run_id && std::ranges::find(run.planned, cell) != run.planned.end();
+/// Whether a run of @p candidate after @p run_id was to measure the cell and has not: it has lost
+/// it if it ended, and else did not get there.
+bool is_lost(const Profile& candidate, const CellName& cell, std::int64_t run_id, GateRow& row) {
+  const auto run = std::ranges::find_if(candidate.runs, [&](const RunInfo& each) {
+    return each.run_id > run_id && std::ranges::find(each.planned, cell) != each.planned.end();
   });
+  if (run == candidate.runs.end()) return false;
+  const bool ended = !run->finished.empty();
+  row.verdict = ended ? GateVerdict::kFailed : GateVerdict::kNotComparable;
+  row.reason = ended ? "the candidate's plan has it, and its newest run has not"
+                     : "the candidate's run did not end; go on with: pirt characterize --resume";
+  return true;
 }
-
-constexpr const char* kLost = "the candidate's plan has it, and its newest run has not";
 
 GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const Movements& movements,
                 const GateThresholds& thresholds) {
@@ -343,26 +332,13 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const Movements&
   const PhaseRow& candidate = *pair.b;
   GateRow row{.workload = base.workload,
               .unit = base.unit,
-              .phase = phase_name(base),
+              .phase = base.phase_name(),
               .setup = is_setup(base.phase)};
   if (base.median) row.base = static_cast<double>(base.median->count());
   if (candidate.median) row.candidate = static_cast<double>(candidate.median->count());
-  if (!base.unknown().empty() && base.unknown() == candidate.unknown()) {
-    row.verdict = GateVerdict::kNotJudged;
-    row.reason = "unknown on both sides: " + base.unknown();
-    return row;
-  }
-  if (is_clock_bound(base) && is_clock_bound(candidate)) {
-    row.verdict = GateVerdict::kNotJudged;
-    row.reason = "shorter than the clock can tell";
-    return row;
-  }
   if (fails(base, candidate, row)) return row;
-  if (is_lost(*diff.b, {candidate.workload, candidate.unit}, candidate.run_id)) {
-    row.verdict = GateVerdict::kFailed;
-    row.reason = kLost;
-    return row;
-  }
+  if (is_lost(*diff.b, {candidate.workload, candidate.unit}, candidate.run_id, row)) return row;
+  if (failure_of(base).empty() && has_no_figure(base, candidate, row)) return row;
   row.reason = complaint(diff, pair);
   if (!row.reason.empty()) {
     row.verdict = GateVerdict::kNotComparable;
@@ -380,7 +356,8 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const Movements&
     const bool too_short = base.median == Nanos(0);
     row.verdict = row.setup || too_short ? GateVerdict::kNotJudged : GateVerdict::kUndecided;
     row.reason = too_short ? "shorter than the clock can tell"
-                           : "too few processes for an interval; 3 are needed";
+                           : fmt::format("too few processes for an interval; {} are needed",
+                                         kFewestProcesses);
     return row;
   }
   row.needed = change_needed(diff, base, thresholds);
@@ -407,9 +384,8 @@ GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair,
     row.reason = fmt::format("{}, follows from the times", to_string(pair.a->provenance));
     return row;
   }
-  row.reason = identity_complaint(diff, row.unit);
-  if (row.reason.empty() && (!is_used(*pair.a) || !is_used(*pair.b)))
-    row.reason = "an energy row is invalid";
+  if (has_no_figure(*pair.a, *pair.b, row)) return row;
+  row.reason = identity_complaint(diff, *pair.a, *pair.b);
   if (row.reason.empty() && pair.a->provenance != pair.b->provenance) {
     row.reason = fmt::format("energy is {} and {}", to_string(pair.a->provenance),
                              to_string(pair.b->provenance));
@@ -420,6 +396,12 @@ GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair,
   }
   if (!row.reason.empty()) {
     row.verdict = GateVerdict::kNotComparable;
+    return row;
+  }
+  for (const auto& [energy, whose] : {std::pair(pair.a, "base"), std::pair(pair.b, "candidate")}) {
+    if (is_used(*energy)) continue;
+    row.verdict = GateVerdict::kUndecided;
+    row.reason = fmt::format("the {} has no figure: {}", whose, join(energy->reasons, ", "));
     return row;
   }
   row.ratio = pair.ratio();
@@ -452,7 +434,7 @@ void add_missing(const ProfileDiff& diff, std::vector<GateRow>& rows) {
       if (!has_cell && !told.emplace(row.workload, row.unit).second) continue;
       GateRow missing{.workload = row.workload,
                       .unit = row.unit,
-                      .phase = has_cell ? phase_name(row) : "all",
+                      .phase = has_cell ? row.phase_name() : "all",
                       .setup = has_cell && is_setup(row.phase)};
       if (!of_base) {
         missing.verdict = GateVerdict::kNotJudged;
@@ -460,10 +442,7 @@ void add_missing(const ProfileDiff& diff, std::vector<GateRow>& rows) {
       } else if (has_cell) {
         missing.verdict = GateVerdict::kUndecided;
         missing.reason = "the candidate has no such phase";
-      } else if (is_lost(other, {row.workload, row.unit}, 0)) {
-        missing.verdict = GateVerdict::kFailed;
-        missing.reason = kLost;
-      } else {
+      } else if (!is_lost(other, {row.workload, row.unit}, 0, missing)) {
         missing.verdict = GateVerdict::kNotComparable;
         missing.reason = "the candidate has no such cell, nor planned it";
       }
@@ -509,7 +488,7 @@ GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds) {
     result.rows.push_back(compare(diff, pair, movements, thresholds));
     const bool comparable = result.rows.back().ratio.has_value();
     if (pair.a->phase == Phase::kCall && comparable && !repeats(pair)) {
-      result.rows.push_back(compare_tails(pair, thresholds));
+      result.rows.push_back(compare_tails(pair, doubt_of(diff, pair), thresholds));
     }
   }
   result.rows.insert(result.rows.end(), movements.rows().begin(), movements.rows().end());

@@ -21,7 +21,9 @@
 //
 // A row that repeats exactly on both sides (counts of an emulator) is slower or faster if it is not
 // the same to the nanosecond. What failed in the candidate fails: a wrong output, an error in two
-// processes or more, a cell that its own plan has and it has not.
+// processes or more, a cell that its own plan has and it has not, though the run ended.
+//
+// Rows are comparable by what their own runs share, not by what all runs of the two files do.
 #pragma once
 
 #include <cstdint>
@@ -43,8 +45,9 @@ enum class GateVerdict : std::uint8_t {
   kInconclusive,  ///< Something is there, and it cannot be told whose.
   /// Nothing was found, though what counts may be there: named, counted, and refused by --strict.
   kUndecided,
-  kNotComparable,  ///< Another identity, another workload size, an invalid row, or missing.
-  kNotJudged,      ///< It has nothing to judge by; without influence.
+  /// Another identity, another workload size, an invalid row, missing, or not reached by its run.
+  kNotComparable,
+  kNotJudged,  ///< It has nothing to judge by; without influence.
 };
 [[nodiscard]] std::string_view to_string(GateVerdict verdict);
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <set>
 
+#include "characterize/campaign/validity.h"
 #include "characterize/statistics/proportions.h"
 #include "characterize/worker/measure.h"
 
@@ -12,8 +13,7 @@ namespace pirt {
 namespace {
 
 struct Tail {
-  std::int64_t samples = 0, above = 0;
-  std::size_t processes = 0, with_some = 0;
+  std::int64_t samples = 0, above = 0, processes = 0, with_some = 0;
   [[nodiscard]] double share() const {
     return static_cast<double>(above) / static_cast<double>(samples);
   }
@@ -28,19 +28,19 @@ Tail tail_of(const PhaseRow& row, Nanos limit) {
     ++tail.above;
     some.insert(row.value_processes[i]);
   }
-  tail.processes = all.size();
-  tail.with_some = some.size();
+  tail.processes = std::ssize(all);
+  tail.with_some = std::ssize(some);
   return tail;
 }
 
-bool is_contended(const PhaseRow& row) {
-  return std::ranges::count(row.notes, "contended") + std::ranges::count(row.doubts, "contended") >
-         0;
+bool has_contended_note(const PhaseRow& row) {
+  return std::ranges::find(row.notes, "contended") != row.notes.end();
 }
 
 }  // namespace
 
-GateRow compare_tails(const PhasePair& pair, const GateThresholds& thresholds) {
+GateRow compare_tails(const PhasePair& pair, const std::string& doubt,
+                      const GateThresholds& thresholds) {
   const PhaseRow& base = *pair.a;
   const PhaseRow& candidate = *pair.b;
   GateRow row{.workload = base.workload,
@@ -69,19 +69,20 @@ GateRow compare_tails(const PhasePair& pair, const GateThresholds& thresholds) {
   const std::string what =
       fmt::format("{} of {} calls took over {:g} times the base's median, {} of {} in the base",
                   b.above, b.samples, thresholds.tail_multiple, a.above, a.samples);
-  if (more && 2 * b.with_some >= b.processes && !is_contended(base) && !is_contended(candidate)) {
-    row.verdict = GateVerdict::kSlower;
-    row.reason = what;
-  } else if (more) {
-    row.verdict = GateVerdict::kUndecided;
-    row.reason =
-        what + (2 * b.with_some < b.processes ? ", in few processes" : ", beside other programs");
-  } else if (rate_upper_bound(b.above, b.samples) - a.share() < *row.needed) {
-    row.verdict = GateVerdict::kSame;
-  } else {
-    row.verdict = GateVerdict::kUndecided;
-    row.reason = what + "; more samples tell";
-  }
+  const bool beside_others = has_contended_note(base) || has_contended_note(candidate);
+  const std::string open =
+      !doubt.empty() ? doubt
+      : std::min(a.processes, b.processes) < kFewestProcesses
+          ? fmt::format("too few processes; {} are needed", kFewestProcesses)
+      : more && beside_others                 ? "beside other programs"
+      : more && 2 * b.with_some < b.processes ? "in few processes"
+      : !more && rate_upper_bound(b.above, b.samples) - a.share() >= *row.needed
+          ? "more samples tell"
+          : "";
+  row.verdict = !open.empty() ? GateVerdict::kUndecided
+                : more        ? GateVerdict::kSlower
+                              : GateVerdict::kSame;
+  if (row.verdict != GateVerdict::kSame) row.reason = open.empty() ? what : what + "; " + open;
   return row;
 }
 

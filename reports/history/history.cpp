@@ -41,15 +41,17 @@ void add_rows(const Profile& profile, std::size_t run, const NameFilter& filter,
     if (!is_used(row) || !row.median || row.median->count() <= 0 || !filter.picks(row.workload)) {
       continue;
     }
-    HistoryPoint point{.run = run, .value = static_cast<double>(row.median->count())};
+    HistoryPoint point{.run = run,
+                       .value = static_cast<double>(row.median->count()),
+                       .doubted = is_doubted(row),
+                       .ops = row.ops,
+                       .bytes = row.bytes,
+                       .provenance = row.provenance};
     if (row.ci_low && row.ci_high) {
       point.low = static_cast<double>(row.ci_low->count());
       point.high = static_cast<double>(row.ci_high->count());
     }
-    point.doubted = is_doubted(row);
-    const std::string state =
-        row.state == State::kSteady ? "" : " " + std::string(to_string(row.state));
-    series.add(row.workload, row.unit, std::string(to_string(row.phase)) + state, point);
+    series.add(row.workload, row.unit, row.phase_name(), point);
   }
   for (const EnergyRow& row : profile.energies) {
     const bool metered = row.provenance == Origin(Provenance::kMeasured);
@@ -57,18 +59,24 @@ void add_rows(const Profile& profile, std::size_t run, const NameFilter& filter,
         !filter.picks(row.workload)) {
       continue;
     }
-    series.add(row.workload, row.unit, "energy",
-               {run, *row.energy_j, row.ci_low_j, row.ci_high_j, is_doubted(row)});
+    HistoryPoint point{run, *row.energy_j, row.ci_low_j, row.ci_high_j, is_doubted(row)};
+    if (const PhaseRow* call = profile.find(row.workload, row.unit, Phase::kCall)) {
+      point.ops = call->ops;
+      point.bytes = call->bytes;
+    }
+    series.add(row.workload, row.unit, "energy", point);
   }
 }
 
-/// Why figures of the unit of two runs may not be put in a row; empty if they may.
-std::string break_between(const RunInfo& a, const RunInfo& b, const std::string& unit) {
-  std::vector<std::string> parts;
-  for (const auto& each : compare_identity(a, b)) {
-    if (each.unit.empty() || each.unit == unit) parts.push_back(describe(each));
-  }
-  return join(parts, "; ");
+/// Why two points of a series may not be compared; empty if they may.
+std::string break_between(const History& history, const HistorySeries& series, std::size_t before,
+                          std::size_t after) {
+  const HistoryPoint& a = series.points[before];
+  const HistoryPoint& b = series.points[after];
+  const std::string why =
+      describe(compare_identity(history.runs[a.run].info, history.runs[b.run].info, series.unit));
+  const std::string work = compare_work(a, b);
+  return !why.empty() || work.empty() ? why : series.workload + ": " + work;
 }
 
 /// What besides the program may be why a row changed.
@@ -79,27 +87,28 @@ std::string platform_changed(const RunInfo& a, const RunInfo& b) {
   return "";
 }
 
-/// Changes of the points from @p begin to @p end, which may be compared.
-void add_changes(const History& history, std::size_t begin, std::size_t end,
+/// Changes of points that may be compared.
+void add_changes(const History& history, const std::vector<std::size_t>& points,
                  HistorySeries& series) {
   const auto why = [&](std::size_t before, std::size_t after) {
     return platform_changed(history.runs[series.points[before].run].info,
                             history.runs[series.points[after].run].info);
   };
   std::vector<double> values;
-  for (std::size_t i = begin; i < end; ++i) values.push_back(std::log(series.points[i].value));
+  for (const std::size_t i : points) values.push_back(std::log(series.points[i].value));
   const auto found = change_points(values, kLeastHistoryNoise);
   for (const ChangePoint& each : found) {
-    const std::size_t at = begin + each.at;
+    const std::size_t before = points[each.at - 1];
+    const std::size_t after = points[each.at];
     series.changes.push_back(
-        {at - 1, at, std::exp(each.after - each.before),
+        {before, after, std::exp(each.after - each.before),
          each.sure ? HistoryChange::Kind::kStep : HistoryChange::Kind::kSuspected,
-         why(at - 1, at)});
+         why(before, after)});
   }
   const double creep = creep_of(values, found, kLeastHistoryNoise);
   if (creep != 0) {
-    series.changes.push_back(
-        {begin, end - 1, std::exp(creep), HistoryChange::Kind::kCreep, why(begin, end - 1)});
+    series.changes.push_back({points.front(), points.back(), std::exp(creep),
+                              HistoryChange::Kind::kCreep, why(points.front(), points.back())});
   }
 }
 
@@ -150,6 +159,10 @@ History read_history(const std::vector<std::filesystem::path>& files, const std:
   for (const auto& file : files) {
     const ProfileReader reader(file);
     if (history.platform.empty()) history.platform = reader.read().platform();
+    auto unfinished = find_unfinished_run(file);
+    if (unfinished && unfinished->run.platform == history.platform) {
+      history.left_out.push_back({file.string(), std::move(unfinished->run)});
+    }
     decltype(known) here;
     // The oldest first: a start is said in seconds, so the order in the file tells more.
     auto ids = reader.finished_runs(history.platform);
@@ -165,8 +178,9 @@ History read_history(const std::vector<std::filesystem::path>& files, const std:
     }
   }
   if (found.empty()) {
-    throw_bad_input("no file has a finished run of platform '" + history.platform +
-                    "'; name another with --platform");
+    const auto lines = left_out_lines(history);
+    throw_bad_input("no file has a finished run of platform '" + history.platform + "'; " +
+                    (lines.empty() ? "name another with --platform" : join(lines, "; ")));
   }
   std::ranges::stable_sort(found, {}, [](const auto& each) { return each.first.info.started; });
   const NameFilter picked(filter);
@@ -191,20 +205,23 @@ History read_history(const std::vector<std::filesystem::path>& files, const std:
 void find_changes(History& history) {
   for (HistorySeries& series : history.series) {
     series.changes.clear();
-    std::size_t begin = 0;
-    for (std::size_t i = 1; i <= series.points.size(); ++i) {
-      std::string why;
-      if (i < series.points.size()) {
-        why = break_between(history.runs[series.points[i - 1].run].info,
-                            history.runs[series.points[i].run].info, series.unit);
-        if (why.empty()) continue;
+    std::vector<std::vector<std::size_t>> groups;  // Of points that may be compared.
+    for (std::size_t i = 0; i < series.points.size(); ++i) {
+      const auto own = std::ranges::find_if(groups, [&](const auto& group) {
+        return break_between(history, series, group.front(), i).empty();
+      });
+      if (own != groups.end()) {
+        own->push_back(i);
+        continue;
       }
-      add_changes(history, begin, i, series);
-      begin = i;
-      if (i == series.points.size()) break;
+      groups.push_back({i});
+      if (i == 0) continue;
       series.changes.push_back({i - 1, i, series.points[i].value / series.points[i - 1].value,
-                                HistoryChange::Kind::kBreak, why});
+                                HistoryChange::Kind::kBreak,
+                                break_between(history, series, i - 1, i)});
     }
+    for (const auto& group : groups) add_changes(history, group, series);
+    std::ranges::stable_sort(series.changes, {}, &HistoryChange::after);
   }
 }
 

@@ -1,11 +1,13 @@
 // The rows of many runs over time: at which run each became slower or faster, and by how much.
 //
-// A series is one row (platform, workload, unit, phase) over the runs that may be compared; where
-// another machine or driver begins, so does another stretch, and a change there is nobody's. Where
-// the platform's text was edited, a change says so.
+// A series is one row (platform, workload, unit, phase) over the runs. Those that may be compared,
+// as the gate has it (reports/gate), are looked at together, whatever runs stand between them;
+// where another machine, driver or size begins is a break, which is nobody's change. Where the
+// platform's text was edited, a change says so.
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -29,6 +31,10 @@ struct HistoryPoint {
   double value = 0;     ///< Median, in ns or joules a call; above 0.
   std::optional<double> low = std::nullopt, high = std::nullopt;  ///< Its 95 % interval.
   bool doubted = false;
+  /// Of its row, or of the call of an energy row's cell: other ones are not compared.
+  std::optional<std::int64_t> ops = std::nullopt;
+  std::int64_t bytes = 0;
+  Origin provenance = {};
 };
 
 struct HistoryChange {
@@ -37,8 +43,8 @@ struct HistoryChange {
   enum class Kind : std::uint8_t {
     kStep,       ///< For sure.
     kSuspected,  ///< Since the newest few points, not for sure.
-    kCreep,      ///< From the stretch's first quarter to its last, without a step that explains it.
-    kBreak,      ///< Another machine or driver begins; no change of the program.
+    kCreep,      ///< From the first quarter to the last, without a step that explains it.
+    kBreak,      ///< Another machine, driver or size begins; no change of the program.
   } kind = Kind::kStep;
   std::string why = {};  ///< Of a break; of others what may be behind it besides the program.
 };
@@ -55,6 +61,7 @@ struct History {
   std::string platform;
   std::vector<HistoryRun> runs;  ///< In order of time.
   std::vector<HistorySeries> series;
+  std::vector<HistoryRun> left_out = {};  ///< Of each file the newest run that did not end.
 };
 
 /// Steps below this count as none, however exactly figures repeat: a standard deviation, relative.
@@ -69,12 +76,16 @@ inline constexpr double kLeastHistoryNoise = 0.002;
 /// changed. Invalid rows have no point, metered energy has one.
 /// @param platform  Empty = that of the newest run of the first file.
 /// @param filter    A NameFilter of workload names; empty = all.
-/// @throws Error{kBadInput} as ProfileReader; if no file has a finished run of the platform.
+/// @throws Error{kBadInput} as ProfileReader; if no file has a finished run of the platform, with
+/// those that are left out.
 [[nodiscard]] History read_history(const std::vector<std::filesystem::path>& files,
                                    const std::string& platform, const std::string& filter);
 
 /// Fills in the changes of each series.
 void find_changes(History& history);
+
+/// "run 3 of a.db did not end and is left out; ..." of each, with how to go on with it.
+[[nodiscard]] std::vector<std::string> left_out_lines(const History& history);
 
 /// @param all  Also a chart of each workload on each unit.
 [[nodiscard]] Document history_document(const History& history, bool all);

@@ -6,6 +6,7 @@
 
 #include "reports/document/figures.h"
 #include "reports/history/history.h"
+#include "workloads/base/text/shell.h"
 
 namespace pirt {
 namespace {
@@ -108,7 +109,21 @@ Chart series_chart(const History& history, const std::vector<const HistorySeries
   return chart;
 }
 
+Json run_json(const HistoryRun& run) {
+  return {{"file", run.file}, {"run_id", run.info.run_id}, {"started", run.info.started}};
+}
+
 }  // namespace
+
+std::vector<std::string> left_out_lines(const History& history) {
+  std::vector<std::string> lines;
+  for (const HistoryRun& run : history.left_out) {
+    lines.push_back(fmt::format(
+        "run {} of {} did not end and is left out; go on with: pirt characterize --resume --db {}",
+        run.info.run_id, run.file, path_in_shell(run.file)));
+  }
+  return lines;
+}
 
 Document history_document(const History& history, bool all) {
   Document document{.title = "pirt history", .parts = {}};
@@ -129,6 +144,7 @@ Document history_document(const History& history, bool all) {
   if (!found.empty()) document.parts.emplace_back(changes_table(history));
   Paragraph breaks = breaks_of(history);
   if (!breaks.lines.empty()) document.parts.emplace_back(std::move(breaks));
+  if (!history.left_out.empty()) document.parts.emplace_back(Paragraph{left_out_lines(history)});
   if (!all) return document;
   std::map<std::tuple<std::string, std::string, bool>, std::vector<const HistorySeries*>> charts;
   for (const HistorySeries& series : history.series) {
@@ -141,10 +157,9 @@ Document history_document(const History& history, bool all) {
 
 Json history_json(const History& history) {
   Json runs = Json::array();
-  for (const HistoryRun& run : history.runs) {
-    runs.push_back(
-        {{"file", run.file}, {"run_id", run.info.run_id}, {"started", run.info.started}});
-  }
+  for (const HistoryRun& run : history.runs) runs.push_back(run_json(run));
+  Json left_out = Json::array();
+  for (const HistoryRun& run : history.left_out) left_out.push_back(run_json(run));
   Json all = Json::array();
   for (const HistorySeries& series : history.series) {
     Json points = Json::array();
@@ -170,7 +185,11 @@ Json history_json(const History& history) {
                    {"points", points},
                    {"changes", changes}});
   }
-  return {{"schema_version", 1}, {"platform", history.platform}, {"runs", runs}, {"series", all}};
+  return {{"schema_version", 1},
+          {"platform", history.platform},
+          {"runs", runs},
+          {"left_out", left_out},
+          {"series", all}};
 }
 
 }  // namespace pirt

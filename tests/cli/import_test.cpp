@@ -93,6 +93,20 @@ TEST_F(Import, TakesTimesOfOnesOwnAndSchedulesWithThem) {
   EXPECT_THAT(rows.out, AllOf(HasSubstr("measured elsewhere"), HasSubstr("60000000")));
 }
 
+TEST_F(Import, TheFrontierSaysWhoseEnergyIsNotKnown) {
+  const auto times =
+      scratch_.write("bench.csv", "unit,workload,ms\ncpu,mine.icp,40\ngpu,mine.icp,10\n");
+  ASSERT_EQ(pirt({"import", times, "--db", database_, "--source", "our lab"}).exit_code, 0);
+  const auto mix = scratch_.write(
+      "i.yaml",
+      "mix: i\npipelines:\n  see: {closed_loop: {frames: 100}, tasks: [{workload: mine.icp}]}\n");
+  const auto outcome = pirt({"schedule", "--pareto", "--profile", database_, "--mix", mix});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("Mix i on platform bench"),
+                                 HasSubstr("nobody knows what gpu draws; give it with --set"),
+                                 HasSubstr("for their energy is not known: ")));
+}
+
 TEST_F(Import, StoresNothingOfATableWithAWrongRow) {
   const auto times =
       scratch_.write("t2.csv", "workload,unit,ms\nsobell,cpu,1\nmine.a,cpu,x\nmine.b,cpu,2\n");

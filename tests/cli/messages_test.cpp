@@ -92,6 +92,23 @@ TEST(Messages, SayThatASeedChangesNothing) {
   EXPECT_THAT(with("{uniform: [1, 2]}", {"--seed", "7"}).err, Not(HasSubstr("--seed")));
 }
 
+TEST(Messages, OfUncertainRowsMeasureTheSameAgain) {
+  const Scratch scratch;
+  const auto platform = scratch.write("b.yaml", board("process_factors: [1, 5]"));
+  const std::string picture = std::string(kSourceFolder) + "/reports/report-dark.png";
+  const auto outcome = pirt({"characterize", "--quick", "--platform", platform, "--set",
+                             "gpu.active_w=2", "--filter", "^sobel$", "--images", picture, "--seed",
+                             "7", "--db", scratch.file("p.db")});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto uncertain = outcome.out.find("rows are uncertain");
+  ASSERT_NE(uncertain, std::string::npos) << outcome.out;
+  EXPECT_THAT(outcome.out.substr(uncertain),
+              AllOf(HasSubstr("pirt characterize --platform " + platform + " --set"),
+                    HasSubstr("gpu.active_w=2"), HasSubstr("--filter '^(sobel)$'"),
+                    HasSubstr("--images " + picture), HasSubstr("--seed 7 --db "),
+                    Not(HasSubstr("--quick"))));
+}
+
 TEST(Messages, SayWhereNoUnitSuspendsCalls) {
   const Scratch scratch;
   const auto mix = scratch.write("m.yaml", kMix);

@@ -403,5 +403,11 @@ TEST_F(CloudScenes, AWorkerRefusesWhatIsNoDetector) {
   EXPECT_THAT(refused.err, HasSubstr("m.onnx"));
 }
 
+TEST(CloudWorker, ComputesItself) {
+  const auto refused = pirt({"cloud-worker", "--units", "nats"});
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("name cpu, or another unit"));
+}
+
 }  // namespace
 }  // namespace pirt::test

@@ -229,11 +229,11 @@ TEST_F(Own, AWorkloadFileHasKernelsAndPrograms) {
 }
 
 TEST_F(Own, IsHeldAgainstAnother) {
-  const auto regress = [this](const std::string& pair, std::vector<std::string> more) {
-    std::vector<std::string> words = {"regress",     "--as",         pair,
-                                      "--workloads", kHostileModule, "--work",
-                                      "2ms",         "--ledger",     scratch_.file("ledger"),
-                                      "--max-time",  "1ms"};
+  const auto regress = [this](const std::string& pair, std::vector<std::string> more,
+                              const std::string& max_time = "1ms") {
+    std::vector<std::string> words = {"regress",           "--as",       pair,    "--workloads",
+                                      kHostileModule,      "--work",     "2ms",   "--ledger",
+                                      scratch_.file(pair), "--max-time", max_time};
     words.insert(words.end(), more.begin(), more.end());
     return pirt(words);
   };
@@ -245,10 +245,29 @@ TEST_F(Own, IsHeldAgainstAnother) {
   EXPECT_THAT(outcome.err, Not(HasSubstr("do not have the same to do")));
   EXPECT_THAT(regress("bad.good=sobel", {"--units", "cpu"}).err,
               HasSubstr("bad.good and sobel do not have the same to do: "));
+  const auto wrong = regress("bad.wrong=bad.good", {"--units", "cpu"}, "1min");
+  EXPECT_EQ(wrong.exit_code, 1) << wrong.err;
+  EXPECT_THAT(wrong.out, HasSubstr("the candidate failed: wrong output"));
   expect_refused(regress("bad.good", {"--units", "cpu"}), {"CANDIDATE=BASELINE"});
   expect_refused(regress("bad.god=bad.prints", {"--units", "cpu"}), {"did you mean bad.good"});
   expect_refused(regress("bad.good=sobl", {"--units", "cpu"}), {"did you mean sobel"});
   expect_refused(regress("bad.good=bad.prints", {}), {"--units"});
+}
+
+TEST_F(Own, ALedgerIsAlsoOfTheFilesThatAWorkloadFileNames) {
+  const std::string folder = std::string(kSourceFolder) + "/tests/examples/workloads/";
+  const std::string own = scratch_.write("own.yaml", slurp(folder + "own.yaml"));
+  for (const char* named : {"threshold.cl", "mean.py"}) {
+    scratch_.write(named, slurp(folder + named));
+  }
+  const auto regress = [&] {
+    return pirt({"regress", "--as", "my.mean=my.mean", "--workloads", own, "--units", "cpu",
+                 "--max-time", "1ms", "--ledger", scratch_.file("ledger")});
+  };
+  EXPECT_EQ(regress().exit_code, 3) << "no time decides nothing";
+  EXPECT_EQ(regress().exit_code, 3);
+  scratch_.write("mean.py", slurp(folder + "mean.py") + "\n");
+  expect_refused(regress(), {"another comparison", "own"});
 }
 
 TEST_F(Own, FilesThatAreNoneAreNamed) {

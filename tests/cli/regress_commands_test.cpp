@@ -122,6 +122,9 @@ TEST_F(RegressCommands, AProgramThatFailsIsNotFast) {
   const auto hung = compare(good, "sleep 60", "lines", {"--sample-limit", "300ms"});
   EXPECT_EQ(hung.exit_code, 1);
   EXPECT_THAT(hung.out, HasSubstr("timed out after 0.3 s"));
+  const auto endless = compare(good, "yes", "lines");
+  EXPECT_EQ(endless.exit_code, 1);
+  EXPECT_THAT(endless.out, HasSubstr("printed more than 64 MiB"));
   const auto odd = compare(good, "echo time one s", "lines");
   EXPECT_EQ(odd.exit_code, 1);
   EXPECT_THAT(odd.out, HasSubstr("'one' is no number"));
@@ -170,6 +173,30 @@ TEST_F(RegressCommands, ALedgerIsOfWhatWasRun) {
   ASSERT_EQ(compare(command, command, "lines").exit_code, 0);
   scratch_.write("figures", "a 5 s\n");
   expect_refused(go_on(command, command, "lines"), {"another comparison"});
+}
+
+TEST_F(RegressCommands, ALedgerIsOfWhatScriptsAndWrappersRun) {
+  std::filesystem::create_directory(scratch_.file("build"));
+  std::filesystem::create_symlink(script("build/bench", "echo a 1 s"), scratch_.file("link"));
+  scratch_.write("build/libbench.so", "1");
+  const std::string base = "sh -c '" + script("inner", "echo a 1 s") + " 2>/dev/null'";
+  const std::string candidate = "env " + scratch_.file("link");
+  ASSERT_EQ(compare(base, candidate, "lines").exit_code, 0);
+  EXPECT_EQ(go_on(base, candidate, "lines").exit_code, 0);
+  scratch_.write("build/libbench.so", "2");
+  expect_refused(go_on(base, candidate, "lines"), {"another comparison", "candidate", "link"});
+  scratch_.write("build/libbench.so", "1");
+  script("inner", "echo a 2 s");
+  expect_refused(go_on(base, candidate, "lines"), {"another comparison", "baseline", "inner"});
+}
+
+TEST_F(RegressCommands, WhatACommandWritesIsNotWhatItIs) {
+  const auto output = scratch_.file("o.json");
+  const std::string command =
+      script("bench", "echo $n > '" + output + "'; echo a 1 s") + " --benchmark_out=" + output;
+  ASSERT_EQ(compare(command, command, "lines").exit_code, 0);
+  const auto again = go_on(command, command, "lines");
+  EXPECT_EQ(again.exit_code, 0) << again.err;
 }
 
 TEST_F(RegressCommands, RefusesBadInput) {

@@ -167,6 +167,17 @@ TEST_F(RegressPrograms, RefusesBadInput) {
   expect_refused(pirt({"regress", "--baseline-program", base, "--candidate-program", base,
                        "--filter", "scheduler", "--ledger", "/nonexistent/l"}),
                  {"/nonexistent/l"});
+  // The scheduler alone, also as an expression, is on no unit.
+  const auto scheduler = [&base](const std::string& filter, std::vector<std::string> more) {
+    std::vector<std::string> words = {"regress", "--baseline-program", base,  "--candidate-program",
+                                      base,      "--filter",           filter};
+    words.insert(words.end(), more.begin(), more.end());
+    return pirt(words);
+  };
+  expect_refused(scheduler("^scheduler$", {"--ledger", "/nonexistent/l"}), {"/nonexistent/l"});
+  for (const char* filter : {"scheduler", "^scheduler$"}) {
+    expect_refused(scheduler(filter, {"--units", "cpu"}), {"scheduler", "--units"});
+  }
   expect_refused(pirt({"regress", "--baseline-program", base}), {"--candidate-program"});
   expect_refused(pirt({"regress", "--self-test"}), {"build/tests/bench/self_test"});
   // What would mean nothing.

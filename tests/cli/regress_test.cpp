@@ -21,7 +21,8 @@ class Regress : public testing::Test {
   static void TearDownTestSuite() { scratch_.reset(); }
 
   /// Two workloads on a simulated unit; sobel takes @p sobel_ms.
-  static void measure(const std::string& name, int sobel_ms, int seed) {
+  static void measure(const std::string& name, int sobel_ms, int seed,
+                      const std::string& filter = "sobel|fc8") {
     const auto platform = scratch_->write(
         "board.yaml",
         "platform: board\nunits: {cpu: {backend: fake, slots: 1, active_w: 2}}\nworkloads:\n"
@@ -29,9 +30,8 @@ class Regress : public testing::Test {
             std::to_string(sobel_ms) +
             ", name: execute}]}\n"
             "  fc8: {cpu: [{on: cpu, ms: 5, name: execute}]}\n");
-    const auto made =
-        pirt({"characterize", "--quick", "--platform", platform, "--filter", "sobel|fc8", "--seed",
-              std::to_string(seed), "--db", scratch_->file(name)});
+    const auto made = pirt({"characterize", "--quick", "--platform", platform, "--filter", filter,
+                            "--seed", std::to_string(seed), "--db", scratch_->file(name)});
     ASSERT_EQ(made.exit_code, 0) << made.err;
   }
   static Outcome regress(const std::string& candidate, std::vector<std::string> more = {}) {
@@ -94,6 +94,23 @@ TEST_F(Regress, SaysWhatIsNotComparable) {
   const auto outcome = regress("other.db");
   EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("INCONCLUSIVE"), HasSubstr("seed")));
+}
+
+TEST_F(Regress, ComparesEachRowByItsOwnRun) {
+  std::filesystem::copy_file(scratch_->file("base.db"), scratch_->file("seeds.db"));
+  measure("seeds.db", 2, 8, "^sobel$");
+  const auto outcome = pirt({"regress", scratch_->file("seeds.db"), scratch_->file("other.db"),
+                             "--mix", "none", "--json", "-"});
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
+  const auto rows = outcome.json()["rows"];
+  for (const auto& row : rows) {
+    if (row["phase"] != "call") continue;
+    const bool compared = row["workload"] == "sobel";
+    EXPECT_EQ(row["verdict"], compared ? "same" : "not comparable") << row;
+    if (!compared) {
+      EXPECT_THAT(row["reason"].get<std::string>(), testing::StartsWith("seed: 7 against 8"));
+    }
+  }
 }
 
 TEST_F(Regress, RefusesBadInput) {
@@ -177,6 +194,8 @@ TEST_F(RegressCases, LetNoRegressionThroughAndNoEqualOnesFail) {
   EXPECT_EQ(all9.exit_code, 3);
   EXPECT_THAT(all9.out, AllOf(ContainsRegex("all rows moved together, by (8.9|9.[01]) % or more"),
                               HasSubstr("Taken off as the machine's")));
+  EXPECT_EQ(regress("base", "all9", {"--filter", "^sobel$"}).exit_code, 3)
+      << "as without the filter";
 
   std::string samples;
   for (int i = 0; i < 200; ++i) {

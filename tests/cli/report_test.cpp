@@ -73,6 +73,20 @@ TEST_F(ReportOfRuns, RefusesARunOfAnotherSchemaVersion) {
               AllOf(HasSubstr(file), HasSubstr("schema_version 7"), HasSubstr("write it again")));
 }
 
+TEST_F(ReportOfRuns, AnswersForTheRunsThatAreGiven) {
+  const auto given = schedule("given.json", {"--profile", database()});
+  const auto report = pirt({"report", database(), given, "--mix", kMix, "--format", "md"});
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  EXPECT_THAT(report.out, AllOf(HasSubstr("throughput keeps up"), Not(HasSubstr("Take "))));
+}
+
+TEST_F(ReportOfRuns, NeedsMoreThanATrace) {
+  const auto trace = scratch_->file("trace.json");
+  schedule("traced.json", {"--platform", "snapdragon820", "--trace", trace});
+  expect_refused(pirt({"report", "page", trace, "-o", scratch_->file("r.html")}),
+                 {"traces alone make no report", "--platform"});
+}
+
 TEST_F(ReportOfRuns, SaysWhereItCannotWrite) {
   const auto file = scratch_->file("missing/report.html");
   const auto report = pirt({"report", "page", database(), "-o", file});

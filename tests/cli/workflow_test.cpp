@@ -284,6 +284,21 @@ TEST(WorkflowSteps, OfGitlabReplaceTheBaseByWhatPassedAndSayWhy) {
   EXPECT_EQ(base_job("2.24", "SEED='--seed 8'").exit_code, 0);
 }
 
+// What failed in the base may fail in all that come after.
+TEST(WorkflowSteps, OfGitlabTakeNoFirstBaseWhoseCellsFailed) {
+  Runner runner;
+  runner.write("board.in",
+               "platform: board\nunits: {cpu: {backend: fake, slots: 1, active_w: 2, script: "
+               "{stages: {sobel: [{name: execute, ms: SPEED}]}, wrong_output: [sobel]}}}\n");
+  runner.source(".", "2.0");
+  const auto first = runner.job(gitlab_script("pirt-base"));
+  EXPECT_EQ(first.exit_code, 1) << first.out << first.err;
+  EXPECT_THAT(first.out, testing::HasSubstr("no base: cells failed"));
+  EXPECT_FALSE(std::filesystem::exists(runner.file("work/base.db")));
+  EXPECT_FALSE(std::filesystem::exists(runner.file("work/anchor.db")));
+  EXPECT_EQ(runner.job(gitlab_script("pirt-accept")).exit_code, 0) << "by hand";
+}
+
 TEST(WorkflowSteps, OfTheActionCommentWithTheReportAndTellOneFromThree) {
   const YAML::Node file = workflow("action.yml");
   Runner runner;

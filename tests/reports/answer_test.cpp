@@ -98,6 +98,9 @@ TEST(ModeAnswer, NamesAllThatCannotBeToldApart) {
   EXPECT_THAT(answer.modes, ElementsAre("a", "b"));
   EXPECT_THAT(answer.sentence, HasSubstr("a or b"));
   EXPECT_THAT(answer.sentence, HasSubstr("~2.00 (1.90 to 2.10) J"));
+  const ModeAnswer other_order = answer_of({.runs = {b, a, c}});
+  EXPECT_THAT(other_order.modes, ElementsAre("a", "b")) << "the best first, not the first listed";
+  EXPECT_THAT(other_order.sentence, HasSubstr("~2.00 (1.90 to 2.10) J"));
 }
 
 TEST(ModeAnswer, IfNoneKeepsUpTheFewestLosses) {
@@ -109,6 +112,12 @@ TEST(ModeAnswer, IfNoneKeepsUpTheFewestLosses) {
   EXPECT_EQ(
       answer.sentence,
       "No mode keeps up. Take b: with 8 real-time firings late or dropped, it loses the fewest.");
+  RunRecord idle = run("idle", 0, 50);
+  idle.stalled = 3;
+  EXPECT_FALSE(keeps_up(idle));
+  EXPECT_THAT(answer_of({.runs = {idle, a, b}}).modes, ElementsAre("b"));
+  EXPECT_EQ(answer_of({.runs = {idle}}).sentence,
+            "idle does not keep up: 0 real-time firings late or dropped, 3 tasks never begun.");
   // Without deadlines what counts is how many wait for ever.
   for (RunRecord* each : {&a, &b}) {
     each->pipelines[0].deadline_ms.reset();

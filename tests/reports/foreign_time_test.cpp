@@ -83,7 +83,7 @@ TEST(ForeignGate, WhatNobodyKnowsOnBothSidesIsNotJudged) {
   const GateResult result = judge(diff_profiles(base, base));
   const auto prepare = std::ranges::find(result.rows, "prepare cold", &GateRow::phase);
   EXPECT_EQ(prepare->verdict, GateVerdict::kNotJudged);
-  EXPECT_EQ(prepare->reason, "unknown on both sides: loading is not modelled");
+  EXPECT_EQ(prepare->reason, "no figure on either side: unknown: loading is not modelled");
 }
 
 TEST(ForeignGate, SaysByHowMuchACountMoved) {

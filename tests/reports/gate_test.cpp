@@ -2,12 +2,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <array>
-#include <cmath>
-#include <numbers>
+#include <algorithm>
 
-#include "characterize/statistics/statistics.h"
 #include "reports/gate/gate_report.h"
+#include "tests/reports/gate_runs.h"
 #include "workloads/base/math/random.h"
 #include "workloads/base/text/json.h"
 
@@ -16,73 +14,6 @@ namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
-using testing::Not;
-
-/// Median and interval as a database has them.
-void summarize_row(PhaseRow& row) {
-  const auto summary = summarize(row.values, row.value_processes);
-  row.median = summary.median;
-  row.processes = summary.processes;
-  row.ci_low = row.ci_high = std::nullopt;
-  if (!summary.interval) return;
-  row.ci_low = summary.interval->low;
-  row.ci_high = summary.interval->high;
-}
-
-/// Samples of several processes, each a little apart from the others, as machines have them.
-class Machine {
- public:
-  Machine(double between, double within, std::uint64_t seed)
-      : between_(between), within_(within), random_(seed) {}
-
-  PhaseRow row(const std::string& workload, double ms, int processes = 6, int samples = 20,
-               Phase phase = Phase::kExecute, State state = State::kSteady) {
-    PhaseRow row;
-    row.platform = "board";
-    row.workload = workload;
-    row.unit = "cpu";
-    row.backend = "fake";
-    row.phase = phase;
-    row.state = state;
-    row.ops = 100;
-    row.bytes = 10;
-    for (int p = 0; p < processes; ++p) {
-      const double process_ms = ms * (1 + between_ * normal());
-      for (int i = 0; i < samples; ++i) {
-        row.values.push_back(from_ms(process_ms * (1 + within_ * std::abs(normal()))));
-        row.value_processes.push_back(p);
-      }
-    }
-    row.samples = std::ssize(row.values);
-    summarize_row(row);
-    return row;
-  }
-
- private:
-  double uniform() { return (static_cast<double>(random_.next() >> 11) + 0.5) * 0x1p-53; }
-  double normal() {
-    return std::sqrt(-2 * std::log(uniform())) * std::cos(2 * std::numbers::pi * uniform());
-  }
-  double between_, within_;
-  Random random_;
-};
-
-Profile profile_of(std::vector<PhaseRow> rows) {
-  Profile profile;
-  profile.path = "p.db";
-  RunInfo run;
-  run.platform = "board";
-  run.environment = {{"cpu_model", "one"}};
-  run.identity = {"cpu_model"};
-  run.units = {{"cpu", "fake", "simulated", true, {}}};
-  profile.runs = {run};
-  profile.phases = std::move(rows);
-  return profile;
-}
-
-GateResult judge_both(const Profile& base, const Profile& candidate) {
-  return judge(diff_profiles(base, candidate));
-}
 
 TEST(TableGate, FindsWhatBecameSlowerAndWhatFaster) {
   Machine machine(0.005, 0.01, 1);
@@ -100,15 +31,6 @@ TEST(TableGate, FindsWhatBecameSlowerAndWhatFaster) {
   EXPECT_EQ(result.rows[2].verdict, GateVerdict::kFaster);
   EXPECT_EQ(result.rows[3].verdict, GateVerdict::kSame) << "2 % are below the effect that counts";
   EXPECT_EQ(exit_code_of(result), 1);
-}
-
-/// A row whose interval ends @p width on either side of @p ms.
-PhaseRow with_interval(double ms, double width) {
-  Machine exact(0, 0, 1);
-  PhaseRow row = exact.row("sobel", ms);
-  row.ci_low = from_ms(ms * (1 - width));
-  row.ci_high = from_ms(ms * (1 + width));
-  return row;
 }
 
 GateRow judged(const PhaseRow& base, const PhaseRow& candidate) {
@@ -258,21 +180,31 @@ TEST(TableGate, FailsForACellThatTheCandidatesPlanHasAndItHasNot) {
   Machine machine(0.005, 0.01, 1);
   const Profile base = profile_of({machine.row("sobel", 10), machine.row("fc6", 20)});
   Profile lost = profile_of({machine.row("sobel", 10)});
-  lost.runs[0].run_id = 1;
+  lost.runs[0].run_id = lost.phases[0].run_id = 1;
   EXPECT_EQ(exit_code_of(judge_both(base, lost)), 3) << "not planned either";
   lost.runs[0].planned = {{"sobel", "cpu"}, {"fc6", "cpu"}};
+  lost.runs[0].finished = "2026-01-01T00:01:00Z";
   const auto result = judge_both(base, lost);
   EXPECT_EQ(result.rows.back().verdict, GateVerdict::kFailed);
   EXPECT_THAT(result.rows.back().reason, HasSubstr("plan"));
   EXPECT_EQ(exit_code_of(result), 1);
   // An older run of the same file has it: that is not the candidate.
   Profile stale = base;
+  stale.runs = {lost.runs[0], base.runs[0]};
   stale.runs[0].run_id = 2;
-  stale.runs[0].planned = lost.runs[0].planned;
+  stale.runs[1].run_id = 1;
   stale.phases[0].run_id = 2;
   stale.phases[1].run_id = 1;
   EXPECT_EQ(judge_both(base, stale).rows[0].verdict, GateVerdict::kSame);
   EXPECT_EQ(judge_both(base, stale).rows[1].verdict, GateVerdict::kFailed);
+  // A run that ran out of time did not get there.
+  for (Profile* cut : {&lost, &stale}) {
+    cut->runs[0].finished = "";
+    const auto open = judge_both(base, *cut);
+    EXPECT_EQ(exit_code_of(open), 3);
+    EXPECT_EQ(open.count(GateVerdict::kNotComparable), 1);
+    EXPECT_THAT(open.rows.back().reason, HasSubstr("--resume"));
+  }
   // A phase that is gone is no slower one, and not nothing.
   Profile without = base;
   without.phases[1] = machine.row("fc6", 20, 6, 20, Phase::kUpload);
@@ -337,13 +269,50 @@ TEST(TableGate, JudgesEnergyWhereItHasAnInterval) {
   EnergyRow board = metered(1, 0.01);
   board.domain = "board";
   EXPECT_EQ(verdict(metered(1, 0.01), board), GateVerdict::kNotComparable);
+  EnergyRow none = metered(1, 0.01);
+  none.energy_j = none.ci_low_j = none.ci_high_j = std::nullopt;
+  none.reasons = {"not_above_idle: 1 W"};
+  EXPECT_EQ(verdict(none, none), GateVerdict::kNotJudged);
+  EXPECT_EQ(exit_code_of(judge_both(run(none), run(none)), true), 0);
+  EXPECT_EQ(verdict(metered(1, 0.01), none), GateVerdict::kUndecided);
 }
 
-/// 300 calls of @p ms by six processes, of which every @p nth takes ten times as long (0: none), in
+TEST(TableGate, WhatNeitherRunCouldMeasureBlocksNothing) {
+  Machine machine(0.005, 0.01, 1);
+  const auto run = [&](const std::vector<std::string>& reasons) {
+    PhaseRow warm = machine.row("sobel", 1, 6, 1, Phase::kPrepare, State::kWarm);
+    warm.reasons = reasons;
+    return profile_of({machine.row("sobel", 10), warm});
+  };
+  const auto neither = judge_both(run({"no_samples"}), run({"no_samples"}));
+  EXPECT_EQ(neither.rows[1].verdict, GateVerdict::kNotJudged);
+  EXPECT_THAT(neither.rows[1].reason, HasSubstr("no_samples"));
+  EXPECT_EQ(exit_code_of(neither), 0);
+  EXPECT_EQ(exit_code_of(judge_both(run({"no_samples"}), run({}))), 3);
+  EXPECT_EQ(exit_code_of(judge_both(run({"no_samples"}), run({"wrong_output"}))), 1);
+}
+
+TEST(TableGate, ComparesRowsByTheirOwnRuns) {
+  Machine machine(0.005, 0.01, 1);
+  Profile base = profile_of({machine.row("sobel", 10), machine.row("fc8", 5)});
+  base.runs = {base.runs[0], base.runs[0]};
+  base.runs[0].run_id = base.phases[0].run_id = 2;
+  base.runs[0].seed = 8;
+  base.runs[1].run_id = base.phases[1].run_id = 1;
+  base.runs[1].seed = 7;
+  Profile candidate = profile_of({machine.row("sobel", 10), machine.row("fc8", 5)});
+  candidate.runs[0].seed = 8;
+  const auto result = judge_both(base, candidate);
+  EXPECT_EQ(result.rows[0].verdict, GateVerdict::kSame);
+  EXPECT_EQ(result.rows[1].verdict, GateVerdict::kNotComparable);
+  EXPECT_EQ(result.rows[1].reason, "seed: 7 against 8");
+}
+
+/// 300 calls of @p ms by @p processes, of which every @p nth takes ten times as long (0: none), in
 /// @p spoilt of them.
-PhaseRow calls_with_tail(double ms, int nth, int spoilt = 6) {
+PhaseRow calls_with_tail(double ms, int nth, int spoilt = 6, int processes = 6) {
   Machine machine(0.002, 0.005, 3);
-  PhaseRow row = machine.row("sobel", ms, 6, 50, Phase::kCall);
+  PhaseRow row = machine.row("sobel", ms, processes, 300 / processes, Phase::kCall);
   for (int i = 0; nth > 0 && i < static_cast<int>(row.values.size()); i += nth) {
     const auto at = static_cast<std::size_t>(i);
     if (row.value_processes[at] < spoilt) row.values[at] = scaled(row.values[at], 10);
@@ -372,6 +341,16 @@ TEST(TableGate, FindsATailThatNoMedianShows) {
   PhaseRow busy = calls_with_tail(2, 25);
   busy.notes = {"contended"};
   EXPECT_EQ(rows(calls_with_tail(2, 0), busy)[1].verdict, GateVerdict::kUndecided);
+  PhaseRow hot = calls_with_tail(2, 25);
+  hot.doubts = {"throttled"};
+  const auto doubted = rows(calls_with_tail(2, 0), hot)[1];
+  EXPECT_EQ(doubted.verdict, GateVerdict::kUndecided);
+  EXPECT_THAT(doubted.reason, HasSubstr("the candidate's call is throttled"));
+  for (const int processes : {1, 2}) {
+    const auto cut = rows(calls_with_tail(2, 0), calls_with_tail(2, 25, 6, processes))[1];
+    EXPECT_EQ(cut.verdict, GateVerdict::kUndecided);
+    EXPECT_THAT(cut.reason, HasSubstr("too few processes"));
+  }
   const auto batches = rows(calls_with_tail(0.2, 0), calls_with_tail(0.2, 25))[1];
   EXPECT_EQ(batches.verdict, GateVerdict::kNotJudged);
   EXPECT_THAT(batches.reason, HasSubstr("means over batches"));
@@ -552,123 +531,6 @@ TEST(TableGate, StepsTooSmallToCountAddUpAgainstAnAnchor) {
       render(gate_document(report, false), Format::kText),
       AllOf(HasSubstr("against the anchor old.db"), HasSubstr("execute, against the anchor")));
   EXPECT_EQ(gate_json(report)["rows"][1]["against"], "anchor");
-}
-
-PhaseRow call_row(const std::string& unit, std::int64_t low, std::int64_t median,
-                  std::int64_t high) {
-  PhaseRow row;
-  row.workload = "sobel";
-  row.unit = unit;
-  row.phase = Phase::kCall;
-  row.ci_low = Nanos(low);
-  row.median = Nanos(median);
-  row.ci_high = Nanos(high);
-  return row;
-}
-
-TEST(Decisions, FindFlipsAndWhetherTheyAreClear) {
-  const Profile base = profile_of({call_row("cpu", 90, 100, 110), call_row("gpu", 120, 130, 140)});
-  const Profile clear = profile_of({call_row("cpu", 90, 100, 110), call_row("gpu", 60, 70, 80)});
-  auto flips = find_flips(base, clear);
-  ASSERT_EQ(flips.size(), 1U);
-  EXPECT_EQ(flips[0].base, "cpu");
-  EXPECT_EQ(flips[0].candidate, "gpu");
-  EXPECT_TRUE(flips[0].clear);
-  const Profile close = profile_of({call_row("cpu", 90, 100, 110), call_row("gpu", 89, 99, 109)});
-  flips = find_flips(base, close);
-  ASSERT_EQ(flips.size(), 1U);
-  EXPECT_FALSE(flips[0].clear);
-  EXPECT_TRUE(find_flips(base, base).empty());
-  // One unit is no choice.
-  EXPECT_TRUE(find_flips(profile_of({call_row("cpu", 90, 100, 110)}),
-                         profile_of({call_row("cpu", 190, 200, 210)}))
-                  .empty());
-}
-
-GateReport report_of(const Profile& base, const Profile& candidate) {
-  GateReport report{.base = "a<b>.db",
-                    .candidate = "b.db",
-                    .result = judge_both(base, candidate),
-                    .decisions = {},
-                    .rule = {}};
-  report.decisions = Decisions{
-      .mix = "full-robot",
-      .flips = find_flips(base, candidate),
-      .modes = {{.mode = "latency", .base = {}, .candidate = {}, .reason = "not served"}}};
-  return report;
-}
-
-TEST(GateReport, ShowsWhatMattersAndCountsTheRest) {
-  Machine machine(0.005, 0.01, 1);
-  const auto report = report_of(profile_of({machine.row("sobel", 10), machine.row("fc6", 20)}),
-                                profile_of({machine.row("sobel", 13), machine.row("fc6", 20)}));
-  const auto text = render(gate_document(report, false), Format::kText);
-  EXPECT_THAT(text, AllOf(HasSubstr("REGRESSION"), HasSubstr("1 slower, 1 same"),
-                          HasSubstr("sobel"), Not(HasSubstr("fc6")), HasSubstr("not served")));
-  EXPECT_THAT(render(gate_document(report, true), Format::kText), HasSubstr("fc6"));
-  EXPECT_THAT(render(gate_document(report, false), Format::kMarkdown), HasSubstr("| sobel"));
-  const auto json = gate_json(report);
-  EXPECT_EQ(json["exit_code"], 1);
-  EXPECT_EQ(json["rows"][0]["verdict"], "slower");
-  EXPECT_EQ(json["rows"][0]["workload"], "sobel");
-  EXPECT_EQ(json["decisions"]["modes"]["latency"]["reason"], "not served");
-}
-
-TEST(GateReport, NamesAndCountsWhatIsUndecided) {
-  const Profile wide = profile_of({with_interval(10, 0.08)});
-  auto report = report_of(wide, wide);
-  EXPECT_THAT(
-      render(gate_document(report, false), Format::kText),
-      AllOf(HasSubstr("UNDECIDED in 1 of 1 rows, none slower"), Not(HasSubstr("regression:")),
-            HasSubstr("1 rows: 1 undecided"), HasSubstr("sobel")));
-  EXPECT_EQ(gate_json(report)["exit_code"], 0);
-  EXPECT_EQ(gate_json(report)["rows"][0]["verdict"], "undecided");
-  EXPECT_GT(gate_json(report)["rows"][0]["change_at_most"].get<double>(), 0.05);
-  EXPECT_THAT(gate_junit(report), AllOf(HasSubstr("failures=\"0\" errors=\"0\" skipped=\"1\""),
-                                        HasSubstr("<skipped message=\"undecided: ")));
-  report.strict = true;
-  EXPECT_THAT(render(gate_document(report, false), Format::kText), HasSubstr("INCONCLUSIVE"));
-  EXPECT_EQ(gate_json(report)["exit_code"], 3);
-}
-
-TEST(GateReport, CountsSetUpsThatAreNotJudgedApart) {
-  Machine machine(0.005, 0.01, 1);
-  const Profile run = profile_of(
-      {machine.row("sobel", 10), machine.row("sobel", 10, 2, 1, Phase::kPrepare, State::kCold)});
-  EXPECT_THAT(render(gate_document(report_of(run, run), false), Format::kText),
-              HasSubstr("2 rows: 1 same, 1 not judged (1 of set-up)"));
-}
-
-TEST(GateReport, SaysOnceWhyModesHaveNoCost) {
-  Machine machine(0.005, 0.01, 1);
-  const Profile base = profile_of({machine.row("sobel", 10)});
-  auto report = report_of(base, profile_of({machine.row("sobel", 10)}));
-  report.decisions->modes.push_back(
-      {.mode = "energy", .base = {}, .candidate = {}, .reason = "not served"});
-  const auto nothing = render(gate_document(report, false), Format::kText);
-  EXPECT_THAT(nothing, AllOf(HasSubstr("No cost in latency, energy: not served"),
-                             Not(HasSubstr("Virtual time"))));
-  RunRecord run;
-  run.mean_latency_ms = 12;
-  report.decisions->modes.push_back(
-      {.mode = "advanced", .base = run, .candidate = run, .reason = ""});
-  const auto some = render(gate_document(report, false), Format::kText);
-  EXPECT_THAT(some,
-              AllOf(HasSubstr("What mix full-robot costs in each mode"), HasSubstr("12.0 -> 12.0"),
-                    HasSubstr("latency, energy: not served"), HasSubstr("Virtual time")));
-}
-
-TEST(GateReport, WritesJUnitThatEscapesItsTexts) {
-  Machine machine(0.005, 0.01, 1);
-  const Profile base = profile_of({machine.row("sobel", 10), machine.row("fc6", 20)});
-  Profile candidate = profile_of({machine.row("sobel", 13), machine.row("fc6", 20)});
-  candidate.phases[1].reasons = {"error: \"<&>\""};
-  candidate.phases[1].notes = {};
-  const auto xml = gate_junit(report_of(base, candidate));
-  EXPECT_THAT(xml, AllOf(HasSubstr("<testsuite name=\"cpu\" tests=\"2\" failures=\"1\" "
-                                   "errors=\"0\" skipped=\"1\">"),
-                         HasSubstr("<failure message=\"slower: "),
-                         HasSubstr("&quot;&lt;&amp;&gt;&quot;"), Not(HasSubstr("<&>"))));
 }
 
 }  // namespace

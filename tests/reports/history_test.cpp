@@ -4,6 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "characterize/profile/store/writer.h"
+#include "tests/characterize/support.h"
+#include "tests/support/errors.h"
 #include "workloads/base/text/json.h"
 
 namespace pirt {
@@ -90,6 +93,61 @@ TEST(History, AnotherMachineIsABreakAndAnEditedPlatformIsSaid) {
   find_changes(history);
   EXPECT_EQ(history.series[0].changes.at(0).kind, HistoryChange::Kind::kStep);
   EXPECT_EQ(history.series[0].changes.at(0).why, "its platform was changed");
+}
+
+TEST(History, RunsOfTwoMachinesInTurnsAreTwoRows) {
+  History history = history_of(step(12, 12, 1.5));
+  for (std::size_t i = 1; i < 24; i += 2) history.runs[i].info.environment["cpu_model"] = "two";
+  find_changes(history);
+  const auto& changes = history.series[0].changes;
+  ASSERT_THAT(changes, SizeIs(3));
+  EXPECT_EQ(changes[0].kind, HistoryChange::Kind::kBreak);
+  EXPECT_EQ(changes[0].after, 1U) << "the second machine's first, and no other";
+  for (const std::size_t i : {1U, 2U}) {
+    EXPECT_EQ(changes[i].kind, HistoryChange::Kind::kStep);
+    EXPECT_EQ(changes[i].after - changes[i].before, 2U) << "on the same machine";
+    EXPECT_NEAR(changes[i].ratio, 1.5, 1e-9);
+  }
+}
+
+/// Appends a run of sobel on cpu, which ends if it is to.
+void add_run(const std::filesystem::path& file, std::int64_t bytes, bool ends = true) {
+  ProfileWriter writer(file);
+  RunHeader header = test::small_run();
+  header.plan = "{}";
+  const auto run = writer.begin_run(header);
+  CellRecord cell = test::small_cell("sobel", "cpu");
+  cell.bytes = bytes;
+  writer.write_cell(run, cell);
+  if (ends) writer.finish_run(run, "2024-01-02T03:05:00Z");
+}
+
+TEST(History, AnotherSizeIsABreak) {
+  const test::TemporaryFolder folder;
+  const auto file = folder / "a.db";
+  add_run(file, 1000);
+  add_run(file, 500);
+  const History history = read_history({file}, "", "");
+  ASSERT_FALSE(history.series.empty());
+  for (const HistorySeries& series : history.series) {
+    ASSERT_THAT(series.changes, SizeIs(1)) << series.phase;
+    EXPECT_EQ(series.changes[0].kind, HistoryChange::Kind::kBreak);
+    EXPECT_EQ(series.changes[0].why, "sobel: the workload is of another size");
+  }
+}
+
+TEST(History, ARunThatDidNotEndIsLeftOutAndNamed) {
+  const test::TemporaryFolder folder;
+  const auto file = folder / "a.db";
+  add_run(file, 1000, false);
+  EXPECT_THAT(test::bad_input([&] { static_cast<void>(read_history({file}, "", "")); }),
+              AllOf(HasSubstr("run 1 of "), HasSubstr("characterize --resume")));
+  add_run(file, 1000);
+  const History history = read_history({file}, "board", "");
+  EXPECT_THAT(history.runs, SizeIs(1));
+  EXPECT_THAT(render(history_document(history, false), Format::kText),
+              AllOf(HasSubstr("run 1 of "), HasSubstr("characterize --resume")));
+  EXPECT_EQ(history_json(history)["left_out"][0]["run_id"], 1);
 }
 
 TEST(History, NothingChangedIsSaid) {

@@ -5,6 +5,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
+#include "reports/run/what_if_report.h"
+
 namespace pirt {
 namespace {
 
@@ -47,6 +51,17 @@ std::vector<std::string> row_of(const Table& table, const std::string& name) {
   }
   ADD_FAILURE() << "no row " << name;
   return {};
+}
+
+TEST(WhatIfReport, SaysOnceWhatSeveralModesWarnOf) {
+  WhatIf found;
+  const std::string warning = "fc8 on gpu is not used: its call row is invalid (wrong_output)";
+  for (const char* mode : {"edf", "budget"}) {
+    found.rows.push_back({.mode = mode, .warnings = {warning}});
+  }
+  const auto document = what_if_document(found, Platform{}, Mix{});
+  const auto& notes = std::get<Table>(document.parts.at(1)).footnotes;
+  EXPECT_EQ(std::ranges::count(notes, "Note: " + warning), 1);
 }
 
 TEST(ModesTable, HasAColumnARun) {
