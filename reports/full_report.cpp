@@ -152,6 +152,16 @@ ModeRuns modes_without_machine(const ReportInputs& inputs) {
   return inputs.runs.empty() ? inputs.modelled : ModeRuns{.runs = inputs.runs, .skipped = {}};
 }
 
+/// What the answer is about: the runs that are given, if any.
+ModeRuns answered_modes(const ReportInputs& inputs) {
+  if (inputs.runs.empty()) return paper_modes_of(inputs.machines.front());
+  ModeRuns modes{.runs = inputs.runs, .skipped = {}};
+  // What virtual time says of a live run is no other mode.
+  std::erase_if(modes.runs,
+                [&](const RunRecord& run) { return run.time != inputs.runs.front().time; });
+  return modes;
+}
+
 /// What the modes make of a mix where nothing was measured.
 void add_modelled(const ReportInputs& inputs, Document& document) {
   const ModeRuns modes = modes_without_machine(inputs);
@@ -250,7 +260,7 @@ Document full_report(const ReportInputs& inputs) {
   Document document{.title = "pirt report", .parts = {}};
   if (several) add_side_by_side(document, profiles);
   if (inputs.machines.size() == 1) {
-    const ModeRuns modes = paper_modes_of(inputs.machines.front());
+    const ModeRuns modes = answered_modes(inputs);
     if (!(modes.runs.empty() && modes.skipped.empty())) {
       document.parts.emplace_back(Paragraph{answer_of(modes).lines()});
     }

@@ -7,6 +7,7 @@
 #include "scheduler/planner/budget_plan.h"
 #include "scheduler/record/keeping_up.h"
 #include "scheduler/schedule.h"
+#include "scheduler/services/devices.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
 
@@ -90,7 +91,9 @@ class Search {
   /// @param values  The given one, then so far as is tried.
   WhatIfRow run(const std::string& mode, const std::vector<double>& values) {
     redraw_.reset();
+    warnings_.reset();
     WhatIfRow row = found(mode, values);
+    row.warnings = warnings_.value_or(std::vector<std::string>{});
     if (!uncertain_ || !row.not_run.empty()) return row;
     redraw_ = Redraw{.kind = Redraw::Kind::kLongest};
     row.holds_if_long = found(mode, values).holds;
@@ -141,6 +144,7 @@ class Search {
           "UNIT.active_w=W");
     }
     uncertain_ = run.uncertain;
+    if (!warnings_) warnings_ = run.warnings;
     return breakage_of(run, mix, cap_w);
   }
 
@@ -164,6 +168,7 @@ class Search {
   const ScheduleOptions& options_;
   std::optional<Redraw> redraw_;
   bool uncertain_ = false;
+  std::optional<std::vector<std::string>> warnings_;  ///< Of the first run.
 };
 
 std::vector<double> values_of(const WhatIfChange& change, double given) {
@@ -200,6 +205,13 @@ std::optional<Breakage> breakage_of(const RunRecord& run, const Mix& mix,
                     .unit = unit == nullptr ? "" : unit->unit,
                     .resource = resource_of(run, mix, unit, result, pipeline, power_cap_w),
                     .what = what_of(result)};
+  }
+  if (run.stalled > 0) {
+    return Breakage{
+        .pipeline = "",
+        .unit = "",
+        .resource = power_cap_w ? "power" : "a unit that may begin them",
+        .what = fmt::format("{} of {} tasks are never begun", run.stalled, run.submitted)};
   }
   if (!power_cap_w || run.power_highest_w.value_or(0) <= *power_cap_w * (1 + 1e-9)) {
     return std::nullopt;
@@ -251,7 +263,8 @@ WhatIf what_if(const Platform& platform, const Profile* profile, const Mix& mix,
   }
   const auto values = values_of(change, result.given);
   result.last_tried = values.back();
-  Search search(platform, profile, mix, change, options);
+  const Platform opened = on_devices(platform, profile, options.without);
+  Search search(opened, profile, mix, change, options);
   for (const auto& mode : modes) result.rows.push_back(search.run(mode, values));
   return result;
 }

@@ -44,8 +44,9 @@ struct WhatIfRow {
   /// the same where all calls take as long, or as short, as the intervals of a measured profile let
   /// them (absent without such, or where none is found),
   std::optional<double> holds_if_long = {}, holds_if_short = {};
-  std::optional<double> breaks = {};      ///< and the first that was not. Absent: none was found.
-  std::optional<Breakage> breakage = {};  ///< At `breaks`.
+  std::optional<double> breaks = {};       ///< and the first that was not. Absent: none was found.
+  std::optional<Breakage> breakage = {};   ///< At `breaks`.
+  std::vector<std::string> warnings = {};  ///< Of its first run.
 };
 
 struct WhatIf {

@@ -3,7 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <tuple>
+#include <iterator>
 
 #include "reports/document/figures.h"
 #include "reports/run/run_report.h"
@@ -36,13 +36,13 @@ bool has_deadlines(std::span<const RunRecord> runs) {
                              [](const RunRecord& run) { return p99_of_deadline(run).has_value(); });
 }
 
-/// Those of @p among that @p best does not tell from its first.
+/// The best, and then those of @p among that cannot be told apart from it.
 template <typename Alike>
 Runs with_equals(const RunRecord* best, std::span<const RunRecord* const> among,
                  const Alike& alike) {
-  Runs found;
+  Runs found = {best};
   for (const RunRecord* run : among) {
-    if (run == best || alike(*run, *best)) found.push_back(run);
+    if (run != best && alike(*run, *best)) found.push_back(run);
   }
   return found;
 }
@@ -134,10 +134,7 @@ Runs best_by_tail(std::span<const RunRecord* const> among, std::span<const RunRe
 }
 
 bool comparable(const RunRecord& a, const RunRecord& b) {
-  const auto key = [](const RunRecord& r) {
-    return std::tie(r.platform, r.mix, r.profile, r.draw, r.duration_s, r.seed, r.time);
-  };
-  return key(a) == key(b);
+  return ran_the_same(a, b) && a.time == b.time;
 }
 
 std::vector<std::string> ModeAnswer::lines() const {
@@ -174,12 +171,18 @@ ModeAnswer answer_of(const ModeRuns& modes) {
                                            kept.size() == 1 ? "s" : "");
   Runs best;
   if (kept.empty()) {
-    best = best_by(best_by(all, "real_time_losses"), "real_time_queued");
+    Runs begun;  // Who never begins a task loses none of it either.
+    std::ranges::copy_if(all, std::back_inserter(begun),
+                         [](const RunRecord* run) { return run->stalled == 0; });
+    if (begun.empty()) begun = all;
+    best = best_by(best_by(begun, "real_time_losses"), "real_time_queued");
     answer.modes = modes_of(best);
     const auto lost = real_time_losses(*best.front()), queued = real_time_queued(*best.front());
-    const std::string firings =
-        fmt::format("{} real-time firing{} late or dropped{}", lost, lost == 1 ? "" : "s",
-                    queued == 0 ? "" : fmt::format(" and {} queued", queued));
+    const std::string firings = fmt::format(
+        "{} real-time firing{} late or dropped{}{}", lost, lost == 1 ? "" : "s",
+        queued == 0 ? "" : fmt::format(" and {} queued", queued),
+        best.front()->stalled == 0 ? ""
+                                   : fmt::format(", {} tasks never begun", best.front()->stalled));
     if (all.size() == 1) {
       answer.sentence = fmt::format("{} does not keep up: {}.", best.front()->mode, firings);
       return answer;

@@ -23,8 +23,8 @@ namespace pirt {
 /// "p99 / deadline", or "p99 from firing to completion".
 [[nodiscard]] std::string tail_name(std::span<const RunRecord> runs);
 
-/// The modes whose figure (scheduler/record/interval.h) is the least, or the greatest, of @p among
-/// and those that cannot be told apart from it; empty if nobody has it.
+/// The mode whose figure (scheduler/record/interval.h) is the least, or the greatest, of @p among,
+/// and then those that cannot be told apart from it; empty if nobody has it.
 [[nodiscard]] std::vector<const RunRecord*> best_by(std::span<const RunRecord* const> among,
                                                     const std::string& figure,
                                                     bool greatest = false);

@@ -91,33 +91,6 @@ Table table_of(const ModeRuns& comparison) {
   return table;
 }
 
-/// What is not in the tables, and why.
-Paragraph missing_of(const ModeRuns& comparison) {
-  Paragraph paragraph;
-  for (const std::string& unit : unknown_power(comparison.runs)) {
-    paragraph.lines.push_back(fmt::format(
-        "energy -: nobody knows what {} draws; give it with --set {}.active_w=W.", unit, unit));
-  }
-  for (const std::string& line : reason_lines(comparison.skipped)) {
-    paragraph.lines.push_back("Not run: " + line);
-  }
-  return paragraph;
-}
-
-/// What single modes warn of, once.
-Paragraph warnings_of(const std::vector<RunRecord>& runs) {
-  Paragraph paragraph;
-  for (const RunRecord& run : runs) {
-    for (const std::string& warning : run.warnings) {
-      const std::string line = "Note: " + warning;
-      if (std::ranges::find(paragraph.lines, line) == paragraph.lines.end()) {
-        paragraph.lines.push_back(line);
-      }
-    }
-  }
-  return paragraph;
-}
-
 const RunRecord* find_run(const ModeRuns& comparison, const std::string& mode) {
   const auto found = std::ranges::find(comparison.runs, mode, &RunRecord::mode);
   return found == comparison.runs.end() ? nullptr : &*found;
@@ -154,6 +127,31 @@ Paragraph starvation(const ModeRuns& comparison, const Mix& mix) {
 }
 
 }  // namespace
+
+Paragraph missing_of(const ModeRuns& comparison) {
+  Paragraph paragraph;
+  for (const std::string& unit : unknown_power(comparison.runs)) {
+    paragraph.lines.push_back(fmt::format(
+        "energy -: nobody knows what {} draws; give it with --set {}.active_w=W.", unit, unit));
+  }
+  for (const std::string& line : reason_lines(comparison.skipped)) {
+    paragraph.lines.push_back("Not run: " + line);
+  }
+  return paragraph;
+}
+
+Paragraph warnings_of(const std::vector<RunRecord>& runs) {
+  Paragraph paragraph;
+  for (const RunRecord& run : runs) {
+    for (const std::string& warning : run.warnings) {
+      const std::string line = "Note: " + warning;
+      if (std::ranges::find(paragraph.lines, line) == paragraph.lines.end()) {
+        paragraph.lines.push_back(line);
+      }
+    }
+  }
+  return paragraph;
+}
 
 Document comparison_document(const ModeRuns& comparison, const Mix& mix, bool details) {
   Document document{.title = "pirt schedule --compare", .parts = {}};

@@ -2,12 +2,19 @@
 // possible, and what it costs.
 #pragma once
 
+#include <vector>
+
 #include "reports/document/document.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/text/json.h"
 
 namespace pirt {
+
+/// What is not in a table of these modes, and why.
+[[nodiscard]] Paragraph missing_of(const ModeRuns& comparison);
+/// What they warn of, each once.
+[[nodiscard]] Paragraph warnings_of(const std::vector<RunRecord>& runs);
 
 /// Gaps are relative to each run's bounds; the costs, energy and p99 latency, to the best mode of
 /// the table.

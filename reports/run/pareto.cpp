@@ -6,10 +6,12 @@
 
 #include "reports/document/figures.h"
 #include "reports/run/answer.h"
+#include "reports/run/comparison_report.h"
 #include "reports/run/run_report.h"
 #include "scheduler/record/keeping_up.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/shell.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
@@ -191,6 +193,39 @@ void add_row(std::vector<std::string> row, Table& table) {
   }
 }
 
+Table frontier_table(const std::vector<ModePoint>& points) {
+  Table table{.title = "What can be had",
+              .columns = {{"mode, goal", Align::kLeft},
+                          {"tasks/ms"},
+                          {"rate gap %"},
+                          {"mJ/task"},
+                          {"energy gap %"},
+                          {tail_label(points)},
+                          {"late"},
+                          {"beaten by", Align::kLeft}}};
+  for (const ModePoint& point : points) {
+    const RunBounds bounds = point.run->bounds.value_or(RunBounds{});
+    const RunMarks marks = marks_of(*point.run);
+    std::vector<std::string> row(
+        {goal_of(*point.run), shown(point.rate_per_ms, marks.time),
+         gap_text(point.rate_per_ms, bounds.throughput_per_ms),
+         shown(point.energy_mj, marks.energy), gap_text(point.energy_mj, least_mj(points)),
+         shown(point.tail, marks.time), fmt::format("{}", deadline_misses(*point.run)),
+         point.beaten_by == nullptr ? "nobody" : goal_of(*point.beaten_by)});
+    add_row(std::move(row), table);
+  }
+  if (const auto most = most_rate(points)) {
+    table.footnotes.push_back(
+        fmt::format("No scheduler completes more than {} tasks a ms.", figure(*most)));
+  }
+  table.footnotes.emplace_back(
+      "gap = reached / bound - 1; energy: a task, to the least for what any of these completed. "
+      "p99 from firing to completion. beaten by: as good in rate, energy and p99, and "
+      "better in one.");
+  table.footnotes.emplace_back(provenance_legend());
+  return table;
+}
+
 }  // namespace
 
 std::optional<double> energy_mj(const RunRecord& run) {
@@ -229,46 +264,26 @@ std::vector<Chart> pareto_charts(const std::vector<ModePoint>& points) {
 }
 
 Document pareto_document(const ModeRuns& frontier) {
-  const auto points = mode_points(frontier.runs);
   Document document{.title = "pirt schedule --pareto", .parts = {}};
-  if (points.empty()) return document;
-  const RunRecord& first = *points.front().run;
-  document.parts.emplace_back(
-      Paragraph{{fmt::format("Mix {} on platform {}, {} time, seed {}", first.mix, first.platform,
-                             first.time, first.seed)}});
-  Table table{.title = "What can be had",
-              .columns = {{"mode, goal", Align::kLeft},
-                          {"tasks/ms"},
-                          {"rate gap %"},
-                          {"mJ/task"},
-                          {"energy gap %"},
-                          {tail_label(points)},
-                          {"late"},
-                          {"beaten by", Align::kLeft}}};
-  for (const ModePoint& point : points) {
-    const RunBounds bounds = point.run->bounds.value_or(RunBounds{});
-    const RunMarks marks = marks_of(*point.run);
-    std::vector<std::string> row(
-        {goal_of(*point.run), shown(point.rate_per_ms, marks.time),
-         gap_text(point.rate_per_ms, bounds.throughput_per_ms),
-         shown(point.energy_mj, marks.energy), gap_text(point.energy_mj, least_mj(points)),
-         shown(point.tail, marks.time), fmt::format("{}", deadline_misses(*point.run)),
-         point.beaten_by == nullptr ? "nobody" : goal_of(*point.beaten_by)});
-    add_row(std::move(row), table);
+  if (!frontier.runs.empty()) {
+    const RunRecord& first = frontier.runs.front();
+    document.parts.emplace_back(
+        Paragraph{{fmt::format("Mix {} on platform {}, {} time, seed {}", first.mix, first.platform,
+                               first.time, first.seed)}});
   }
-  if (const auto most = most_rate(points)) {
-    table.footnotes.push_back(
-        fmt::format("No scheduler completes more than {} tasks a ms.", figure(*most)));
+  const auto points = mode_points(frontier.runs);
+  if (!points.empty()) document.parts.emplace_back(frontier_table(points));
+  Paragraph missing = missing_of(frontier);
+  std::vector<std::string> unknown;
+  for (const RunRecord& run : frontier.runs) {
+    if (!run.energy_j) unknown.push_back(goal_of(run));
   }
-  table.footnotes.emplace_back(
-      "gap = reached / bound - 1; energy: a task, to the least for what any of these completed. "
-      "p99 from firing to completion. beaten by: as good in rate, energy and p99, and "
-      "better in one.");
-  for (const auto& skipped : frontier.skipped) {
-    table.footnotes.push_back(fmt::format("Not run: {}: {}", skipped.mode, skipped.reason));
+  if (!unknown.empty()) {
+    missing.lines.push_back("Not shown, for their energy is not known: " + join(unknown, "; "));
   }
-  table.footnotes.emplace_back(provenance_legend());
-  document.parts.emplace_back(std::move(table));
+  for (Paragraph lines : {missing, warnings_of(frontier.runs)}) {
+    if (!lines.lines.empty()) document.parts.emplace_back(std::move(lines));
+  }
   return document;
 }
 
@@ -286,9 +301,7 @@ Json pareto_json(const ModeRuns& frontier) {
                  {"on_the_frontier", point.beaten_by == nullptr}};
     if (point.beaten_by != nullptr) each["beaten_by"] = goal_of(*point.beaten_by);
     if (run.in_flight) each["in_flight"] = *run.in_flight;
-    if (run.bounds && run.bounds->energy_j) {
-      each["least_energy_mj"] = *run.bounds->energy_j * 1e3 / static_cast<double>(run.completed);
-    }
+    each.put("least_energy_mj", bound_mj(run));
     json.push_back(std::move(each));
   }
   Json result = {{"schema_version", 1}, {"points", json}};

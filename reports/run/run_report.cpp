@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <set>
+#include <tuple>
 
 #include "characterize/platform/platform.h"
 #include "reports/document/figures.h"
@@ -406,10 +407,8 @@ void add_pipeline(ModesTable& table, const std::string& name) {
   });
 }
 
-template <typename Projection>
-bool same(std::span<const RunRecord> runs, const Projection& projection) {
-  return std::ranges::all_of(
-      runs, [&](const RunRecord& run) { return projection(run) == projection(runs[0]); });
+bool has_one_time(std::span<const RunRecord> runs) {
+  return std::ranges::all_of(runs, [&](const RunRecord& run) { return run.time == runs[0].time; });
 }
 
 std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
@@ -417,10 +416,8 @@ std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
   const auto add = [&](const std::string& note) {
     if (std::ranges::find(notes, note) == notes.end()) notes.push_back(note);
   };
-  const bool comparable = same(runs, [](const RunRecord& r) {
-    return std::tie(r.platform, r.profile, r.draw, r.mix, r.duration_s, r.seed);
-  });
-  if (!comparable) {
+  const auto as_first = [&](const RunRecord& run) { return ran_the_same(run, runs[0]); };
+  if (!std::ranges::all_of(runs, as_first)) {
     for (const auto& run : runs) {
       add(fmt::format(
           "NOT COMPARABLE: {} ran {} on {}, seed {}{}{}", run.mode, run.mix, run.platform, run.seed,
@@ -477,20 +474,24 @@ Document run_document(const RunRecord& run) {
   return document;
 }
 
+bool ran_the_same(const RunRecord& a, const RunRecord& b) {
+  const auto key = [](const RunRecord& r) {
+    return std::tie(r.platform, r.mix, r.profile, r.draw, r.duration_s, r.seed);
+  };
+  return key(a) == key(b);
+}
+
 std::string column_name(const RunRecord& run, std::span<const RunRecord> runs) {
-  const bool one_time =
-      std::ranges::all_of(runs, [&](const RunRecord& each) { return each.time == run.time; });
-  return one_time ? run.mode : run.mode + ", " + run.time;
+  return has_one_time(runs) ? run.mode : run.mode + ", " + run.time;
 }
 
 Table modes_table(std::span<const RunRecord> runs) {
   Table table{.title = "Modes side by side (the paper's Table V for this platform and mix)",
               .columns = {{"", Align::kLeft}}};
-  const bool one_time = same(runs, [](const RunRecord& run) { return run.time; });
   if (!runs.empty()) {
     table.title = fmt::format(
         "Modes side by side: mix {} on {}, {} time (the paper's Table V for this platform)",
-        runs[0].mix, runs[0].platform, one_time ? runs[0].time : "virtual and live");
+        runs[0].mix, runs[0].platform, has_one_time(runs) ? runs[0].time : "virtual and live");
   }
   for (const auto& run : runs) table.columns.push_back({column_name(run, runs)});
   ModesTable rows(runs);

@@ -31,6 +31,9 @@ struct RunMarks {
 /// What one run did: totals, units, pipelines, weights, and what its figures rest on.
 [[nodiscard]] Document run_document(const RunRecord& run);
 
+/// Whether they ran the same, by whatever time: platform, mix, profile, draw, duration, seed.
+[[nodiscard]] bool ran_the_same(const RunRecord& a, const RunRecord& b);
+
 /// The mode, with the time where that is not the same of all.
 [[nodiscard]] std::string column_name(const RunRecord& run, std::span<const RunRecord> runs);
 

@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "reports/document/figures.h"
@@ -53,9 +54,18 @@ Document what_if_document(const WhatIf& found, const Platform& platform, const M
       table.footnotes.push_back(fmt::format("Not run: {}: {}", row.mode, row.not_run));
     }
   }
+  for (const WhatIfRow& row : found.rows) {
+    for (const std::string& warning : row.warnings) {
+      std::string note = "Note: " + warning;
+      if (std::ranges::find(table.footnotes, note) != table.footnotes.end()) continue;
+      table.footnotes.push_back(std::move(note));
+    }
+  }
   table.footnotes.emplace_back(
       "holds: the mode keeps up, no deadline missed, no firing dropped but the first that has no "
-      "predecessor, nothing queued for more than a period, no second above the cap, in virtual "
+      "predecessor, nothing queued for more than a period, every task begun, no second above the "
+      "cap, in "
+      "virtual "
       "time; "
       "in brackets with all calls as long, and as short, as their figures' intervals let them. "
       "Steps of 5 %, then halves of the first that fails; beyond it more may hold "

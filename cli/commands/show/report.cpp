@@ -223,6 +223,11 @@ const std::string& only_file(const ReportFlags& options, const char* kind) {
 
 int report_all(const ReportFlags& options) {
   const Files files = sort_files(options.files);
+  if (files.databases.empty() && files.runs.empty() && !options.platform) {
+    throw_bad_input(
+        "traces alone make no report; add the profile database or the run's record (pirt schedule "
+        "--json), or --platform of a modelled board");
+  }
   ReportInputs inputs;
   for (const auto& file : files.runs) inputs.runs.push_back(load_run_record(file));
   for (const auto& file : files.traces) inputs.timelines.push_back(load_timeline(file));
