@@ -24,12 +24,14 @@ ModeRuns run_frontier(const Platform& platform, const Profile* profile, const Mi
     with.mode = "budget";
     with.objective = objective;
     RunRecord run = run_virtual(platform, profile, mix, with);
+    // Rates that nobody gave.
+    std::erase_if(run.warnings, [](const auto& each) { return each.starts_with("--min-rate"); });
     if (std::ranges::find(runs.runs, run) == runs.runs.end()) runs.runs.push_back(std::move(run));
   };
   for (const auto objective : {Objective::kRate, Objective::kLatency, Objective::kEnergy}) {
     add(plain, objective);
   }
-  if (mix.open_loop()) return runs;
+  if (mix.open_loop() || mix.fires_once()) return runs;
   const auto rate = [](const RunRecord& run) { return run.throughput_per_ms.value_or(0); };
   const double slowest = rate(*std::ranges::min_element(runs.runs, {}, rate));
   const double fastest = rate(*std::ranges::max_element(runs.runs, {}, rate));

@@ -9,8 +9,8 @@
 namespace pirt {
 
 /// The given modes, then mode budget for the rate, for latency, for energy, for the least energy at
-/// rates between the slowest and the fastest of these, and, of a mix of closed loops, with fewer
-/// and more frames in flight.
+/// rates between the slowest and the fastest of these, and with fewer and more frames in flight:
+/// the last two of a mix of closed loops that fires more than once.
 /// @param options  Its mode, objective and least rate are not looked at.
 [[nodiscard]] ModeRuns run_frontier(const Platform& platform, const Profile* profile,
                                     const Mix& mix, const std::vector<std::string>& modes,

@@ -12,6 +12,7 @@
 #include "scheduler/policies/policy.h"
 #include "scheduler/policies/unit_order.h"
 #include "scheduler/record/interval.h"
+#include "scheduler/record/keeping_up.h"
 #include "scheduler/record/summary.h"
 #include "scheduler/services/devices.h"
 #include "scheduler/services/recall.h"
@@ -192,6 +193,11 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
     record.warnings.push_back("stalled: nothing is ever going to start " +
                               std::to_string(record.stalled) + " of the tasks that are queued");
   }
+  if (misses_rate(record)) {
+    record.warnings.push_back(fmt::format("--min-rate {:g} tasks/ms is not reached: {:g}",
+                                          *record.min_rate_per_ms,
+                                          record.throughput_per_ms.value_or(0)));
+  }
   for (const PipelineResult& pipeline : record.pipelines) {
     if (!pipeline.never_ran) continue;
     record.warnings.push_back(
@@ -205,16 +211,16 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
 
 RunRecord run_virtual(const Platform& named, const Profile* profile, const Mix& mix,
                       const ScheduleOptions& options, std::optional<PlannedBudget>* planned) {
-  const Platform platform = on_devices(named, profile, options.without);
   std::optional<PowerPeak> peak;
   const auto driver = [&](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter* trace) {
     dispatcher.observe(trace);
     std::vector<RunObserver*> observers;
-    if (options.power_cap_w || options.watch_power) observers.push_back(&peak.emplace(platform));
+    if (options.power_cap_w || options.watch_power)
+      observers.push_back(&peak.emplace(scenario.platform));
     if (trace != nullptr) observers.push_back(trace);
     return VirtualTime(scenario, dispatcher, std::move(observers)).run();
   };
-  RunRecord record = run_mix(platform, profile, mix, options, driver, "virtual", planned);
+  RunRecord record = run_mix(named, profile, mix, options, driver, "virtual", planned);
   if (peak) record.power_highest_w = peak->highest_w();
   return record;
 }

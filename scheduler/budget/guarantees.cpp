@@ -1,5 +1,7 @@
 #include "scheduler/budget/guarantees.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <functional>
@@ -15,6 +17,10 @@ constexpr Nanos kNoLimit = Nanos::max();
 /// How many multiples of the period lie in a time, both ends included.
 std::int64_t count_in(Nanos time, Nanos period) {
   return time < Nanos::zero() ? 0 : time / period + 1;
+}
+
+Nanos period_of(const BudgetPlan::Arrivals& arrivals) {
+  return Nanos(static_cast<std::int64_t>(1e9 / *arrivals.rate_hz));
 }
 
 /// A task of a pipeline with a rate and a deadline, on the unit that serves it.
@@ -42,7 +48,7 @@ class Analysis {
       for (std::size_t t = 0; t < classes.size(); ++t) {
         add(p, classes[t].entry);
         auto& before = before_[classes[t].entry];
-        for (const std::size_t each : scenario.mix.pipelines[p].tasks[t].after) {
+        for (const std::size_t each : scenario.mix.pipelines[p].waits_for(t)) {
           const std::uint32_t entry = classes[each].entry;
           before.insert(entry);
           before.insert(before_[entry].begin(), before_[entry].end());
@@ -172,12 +178,7 @@ class Analysis {
     for (std::size_t p = 0; p < pipelines.size(); ++p) {
       if (!pipelines[p].deadline) continue;
       obstacles[p] = pipelines[p].rate_hz ? obstacle(p) : "closed loop";
-      for (const TaskClass& kind : scenario_.classes[p]) {
-        const BudgetPlan::Task& task = plan_.tasks[kind.entry];
-        for (const UnitId unit : task.units) {
-          if (!task.pinned || unit == task.units.front()) units[p] |= unit_bit(unit);
-        }
-      }
+      for (const TaskClass& kind : scenario_.classes[p]) units[p] |= units_of(kind.entry);
     }
     for (bool changed = true; changed;) {
       changed = false;
@@ -190,6 +191,14 @@ class Analysis {
       }
     }
     return obstacles;
+  }
+
+  /// Those that the plan may give the task to.
+  [[nodiscard]] UnitMask units_of(std::uint32_t entry) const {
+    const BudgetPlan::Task& task = plan_.tasks[entry];
+    UnitMask mask = unit_bit(task.units.front());
+    for (const UnitId unit : task.units) mask |= task.pinned ? UnitMask{0} : unit_bit(unit);
+    return mask;
   }
 
   /// Whether both may want their unit at a time.
@@ -217,7 +226,7 @@ class Analysis {
     tasks_.push_back({.entry = entry,
                       .pipeline = pipeline,
                       .unit = unit,
-                      .period = Nanos(static_cast<std::int64_t>(1e9 / *arrivals.rate_hz)),
+                      .period = period_of(arrivals),
                       .takes = takes,
                       .slice = task.slice_on(unit) + task.prepare[unit],
                       .deadline = *arrivals.deadline,
@@ -228,7 +237,10 @@ class Analysis {
 
   /// Why nothing can be said of the pipeline; empty if something can.
   [[nodiscard]] std::string obstacle(std::size_t pipeline) const {
-    const auto& tasks = scenario_.mix.pipelines[pipeline].tasks;
+    const Pipeline& its = scenario_.mix.pipelines[pipeline];
+    if (its.has_image_input() && may_find_no_buffer()) return "may find no image buffer";
+    if (its.expires && *its.expires < *its.deadline) return "its tasks may expire";
+    const auto& tasks = its.tasks;
     for (std::size_t t = 0; t < tasks.size(); ++t) {
       const BudgetPlan::Task& planned = plan_.tasks[scenario_.classes[pipeline][t].entry];
       if (!planned.pinned) return "served by several units";
@@ -240,6 +252,10 @@ class Analysis {
                " on " + scenario_.platform.units[unit].name;
       }
       const UnitModel& model = scenario_.platform.units[unit];
+      if (service != nullptr && service->slices.size() > 1 && meets_own_workload(kind, unit)) {
+        const std::string& workload = scenario_.services.workloads[kind.workload];
+        return fmt::format("calls of {} on {} let none of {} in", workload, model.name, workload);
+      }
       if (shares_servers(unit)) return "served on another's cores: " + model.name;
       if (model.servers != 1) return "several servers: " + model.name;
       if (!model.link.empty()) {
@@ -257,6 +273,35 @@ class Analysis {
       }
     }
     return "";
+  }
+
+  /// Whether a firing may find no image buffer: of each pipeline so many are under way as fire
+  /// while one is, if none is late, and a later firing may take an image of one more.
+  [[nodiscard]] bool may_find_no_buffer() const {
+    const Mix& mix = scenario_.mix;
+    std::int64_t used = 0;
+    for (std::size_t p = 0; mix.image_buffers && p < mix.pipelines.size(); ++p) {
+      if (!mix.pipelines[p].has_image_input()) continue;
+      if (!is_periodic(p)) return true;
+      const auto& arrivals = plan_.pipelines[p];
+      const Nanos lasts = *arrivals.deadline + arrivals.jitter;
+      used += (lasts - Nanos(1)) / period_of(arrivals) + 1;
+      used += mix.pipelines[p].keeps_image() ? 1 : 0;
+    }
+    return used > mix.image_buffers.value_or(used);
+  }
+
+  /// Whether another task of the workload may be there when the unit serves this one: it is not let
+  /// in between two slices (Dispatcher::may_let_in).
+  [[nodiscard]] bool meets_own_workload(const TaskClass& kind, UnitId unit) const {
+    const auto meets = [&](const TaskClass& other) {
+      return other.workload == kind.workload && other.entry != kind.entry &&
+             contains(units_of(other.entry), unit) && !before_[kind.entry].contains(other.entry) &&
+             !before_[other.entry].contains(kind.entry);
+    };
+    return std::ranges::any_of(scenario_.classes, [&](const std::vector<TaskClass>& classes) {
+      return std::ranges::any_of(classes, meets);
+    });
   }
 
   /// Whether some call of the unit works on another's servers, or one of another's on its own.
@@ -307,7 +352,7 @@ class Analysis {
     const auto position = static_cast<std::size_t>(
         std::ranges::find(classes, task.entry, &TaskClass::entry) - classes.begin());
     Nanos ready{0};
-    for (const std::size_t each : scenario_.mix.pipelines[task.pipeline].tasks[position].after) {
+    for (const std::size_t each : scenario_.mix.pipelines[task.pipeline].waits_for(position)) {
       const auto before = std::ranges::find(tasks_, classes[each].entry, &Analysed::entry);
       ready = std::max(ready, before->response);
     }
@@ -385,8 +430,11 @@ class Analysis {
     if (last == kNoLimit) return kNoLimit;
     for (const Analysed& other : tasks_) {
       if (other.unit != task.unit) continue;
-      for (std::int64_t k = 0; places.size() < kMostPlaces; ++k) {
-        const Nanos place = k * other.period + other.slack - task.slack - other.late - other.ready;
+      // Only those above 0 count.
+      const Nanos first = task.slack + other.late + other.ready - other.slack;
+      for (std::int64_t k = std::max<std::int64_t>(0, first / other.period);
+           places.size() < kMostPlaces; ++k) {
+        const Nanos place = k * other.period - first;
         if (place > last) break;
         if (place > Nanos::zero()) places.insert(place);
       }

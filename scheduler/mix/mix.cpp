@@ -434,6 +434,16 @@ bool Mix::reads_earlier() const {
 
 bool Pipeline::has_image_input() const { return std::ranges::any_of(tasks, &MixTask::image_input); }
 
+std::vector<std::size_t> Pipeline::waits_for(std::size_t task) const {
+  std::vector<std::size_t> before = tasks[task].after;
+  for (std::size_t each = task; tasks[task].state && each-- > 0;) {
+    if (tasks[each].state != tasks[task].state) continue;
+    before.push_back(each);
+    break;
+  }
+  return before;
+}
+
 bool Mix::open_loop() const {
   return std::ranges::any_of(pipelines,
                              [](const Pipeline& each) { return each.rate_hz.has_value(); });

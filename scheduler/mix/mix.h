@@ -72,6 +72,9 @@ struct Pipeline {
   std::vector<MixTask> tasks;  ///< Predecessors first, otherwise in file order.
 
   [[nodiscard]] bool has_image_input() const;
+  /// Positions of the tasks of the same firing that have to end before it begins: `after`, and the
+  /// last one before it that holds its state.
+  [[nodiscard]] std::vector<std::size_t> waits_for(std::size_t task) const;
   /// Whether a later firing takes an image of this one, which keeps its buffer until then.
   [[nodiscard]] bool keeps_image() const;
 };

@@ -59,10 +59,10 @@ BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std:
     task.prepare[unit] = call.prepares();
     task.worst[unit] = call.takes(Taken::kUsualWorst) - task.prepare[unit];
     if (scenario.slices) task.slice[unit] = call.longest_slice();
-    if (const auto& contexts = platform.units[unit].contexts) {
-      task.context[unit] =
-          context_of(*contexts, kind.workload, scenario.services.workloads[kind.workload]);
-    }
+    const auto& contexts = platform.units[unit].contexts;
+    task.context[unit] =
+        contexts ? context_of(*contexts, kind.workload, scenario.services.workloads[kind.workload])
+                 : kind.workload;
     task.window_j[unit] = call.window_j();
     energy_j[unit] = call.energy_j(Taken::kMean);
   }
@@ -140,7 +140,7 @@ void measure_ways(const Scenario& scenario, BudgetPlan& plan) {
       const BudgetPlan::Task& task = plan.tasks[classes[t].entry];
       const UnitId unit = task.units.front();
       const Nanos whole = task.worst[unit] + task.prepare[unit] + task.behind;
-      for (const std::size_t each : scenario.mix.pipelines[p].tasks[t].after) {
+      for (const std::size_t each : scenario.mix.pipelines[p].waits_for(t)) {
         BudgetPlan::Task& before = plan.tasks[classes[each].entry];
         before.behind = std::max(before.behind, whole);
       }

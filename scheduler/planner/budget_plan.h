@@ -24,7 +24,7 @@ struct BudgetPlan {
     std::vector<double> share;  ///< By unit: it gets at most this part of the task's calls.
     std::vector<Nanos> worst;   ///< By unit: how long a call holds a slot there when it takes long,
                                 ///< data on its way included.
-    std::vector<std::uint32_t> context;  ///< By unit: the program that it loads for the task.
+    std::vector<std::uint32_t> context;  ///< By unit: the program that it runs for the task.
     std::vector<Nanos> prepare;    ///< By unit: what it adds where another program was before.
     std::vector<double> window_j;  ///< By unit: the most that a call draws in a second, above idle.
     Nanos behind{0};               ///< The longest way from its end to that of its firing.

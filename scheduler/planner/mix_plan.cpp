@@ -7,6 +7,11 @@
 #include "scheduler/services/call_plan.h"
 
 namespace pirt {
+namespace {
+
+/// The mix as one task graph: a firing of each pipeline, all at time 0. A task's cost is its
+/// service's total with what a call moves over the unit's link; data of edges moves as edges_into
+/// says.
 TaskGraph graph_of(const Scenario& scenario) {
   const Platform& platform = scenario.platform;
   const Mix& mix = scenario.mix;
@@ -43,6 +48,8 @@ TaskGraph graph_of(const Scenario& scenario) {
   return graph;
 }
 
+}  // namespace
+
 MixPlan plan_mix(const Scenario& scenario, Planner planner) {
   const Mix& mix = scenario.mix;
   const Plan plan = planner(PlanningGraph(graph_of(scenario)));
@@ -52,9 +59,12 @@ MixPlan plan_mix(const Scenario& scenario, Planner planner) {
     result.entries.push_back(
         {.unit = task.unit, .start = task.start, .finish = task.finish, .previous = {}});
   }
+  // A pipeline that finds no image buffer is not there to be waited for.
+  const auto images = std::ranges::count_if(mix.pipelines, &Pipeline::has_image_input);
+  const bool together = mix.fires_once() && images <= mix.image_buffers.value_or(images);
   std::vector<std::size_t> group;
   for (std::size_t p = 0; p < mix.pipelines.size(); ++p) {
-    group.insert(group.end(), mix.pipelines[p].tasks.size(), mix.fires_once() ? 0 : p);
+    group.insert(group.end(), mix.pipelines[p].tasks.size(), together ? 0 : p);
   }
   for (const auto& order : plan.order) {
     std::map<std::size_t, std::uint32_t> last;  // By group.

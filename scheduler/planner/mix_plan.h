@@ -20,17 +20,12 @@ struct MixPlan {
     std::optional<std::uint32_t> previous;
   };
   std::vector<Entry> entries;  ///< All tasks of all pipelines; the position is TaskClass::entry.
-  Nanos makespan{0};
+  Nanos makespan{0};  ///< If all find an image buffer.
 };
 
-/// The mix as one task graph: a firing of each pipeline, all at time 0. A task's cost is its
-/// service's total with what a call moves over the unit's link; data of edges moves as edges_into
-/// says.
-[[nodiscard]] TaskGraph graph_of(const Scenario& scenario);
-
-/// Pure: the same mix, platform and services give the same plan. If every pipeline fires once, the
-/// order on a unit is of all tasks; otherwise of those of one pipeline, as pipelines fire at rates
-/// of their own.
+/// Pure: the same mix, platform and services give the same plan. If every pipeline fires once, and
+/// finds an image buffer, the order on a unit is of all tasks; otherwise of those of one pipeline,
+/// as pipelines fire at rates of their own.
 [[nodiscard]] MixPlan plan_mix(const Scenario& scenario, Planner planner);
 
 }  // namespace pirt

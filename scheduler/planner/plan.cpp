@@ -34,10 +34,6 @@ Nanos PlanBuilder::earliest_start(std::size_t task, UnitId unit) const {
   return start;
 }
 
-Nanos PlanBuilder::earliest_finish(std::size_t task, UnitId unit) const {
-  return earliest_start(task, unit) + graph_.cost(task, unit);
-}
-
 Nanos PlanBuilder::append_start(std::size_t task, UnitId unit) const {
   const auto& order = plan_.order[unit];
   const Nanos idle = order.empty() ? Nanos::zero() : plan_.tasks[order.back()].finish;
@@ -49,7 +45,8 @@ UnitId PlanBuilder::best_unit(std::size_t task, const std::vector<Nanos>& tail) 
   Nanos best_value{0};
   for (UnitId unit = 0; unit < graph_.units(); ++unit) {
     if (!graph_.runs(task, unit)) continue;
-    const Nanos value = earliest_finish(task, unit) + (tail.empty() ? Nanos::zero() : tail[unit]);
+    const Nanos value = earliest_start(task, unit) + graph_.cost(task, unit) +
+                        (tail.empty() ? Nanos::zero() : tail[unit]);
     if (best && value >= best_value) continue;
     best = unit;
     best_value = value;

@@ -31,10 +31,9 @@ class PlanBuilder {
   /// When the task could start on the unit: its data is there, and the unit is idle for as long as
   /// it takes, also between tasks that are placed already (insertion). Only if the unit runs it.
   [[nodiscard]] Nanos earliest_start(std::size_t task, UnitId unit) const;
-  [[nodiscard]] Nanos earliest_finish(std::size_t task, UnitId unit) const;
   /// When it could start after all that is on the unit, without insertion.
   [[nodiscard]] Nanos append_start(std::size_t task, UnitId unit) const;
-  /// The unit of the smallest earliest_finish plus @p tail; ties: the first.
+  /// The unit where it would finish first, @p tail included; ties: the first.
   /// @param tail  By unit; empty = 0.
   [[nodiscard]] UnitId best_unit(std::size_t task, const std::vector<Nanos>& tail = {}) const;
 

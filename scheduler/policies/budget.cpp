@@ -124,8 +124,8 @@ class BudgetPolicy final : public Policy {
     const BudgetPlan::Task& planned = plan_.tasks[task.entry];
     const bool last_server = units.load[unit] + 1 >= servers_[unit];
     if (last_server) {
-      if (const auto conflict = foresight_.conflict(task.entry, unit, units.now)) {
-        wait_until(conflict->ask_again, units.now);
+      if (const auto again = foresight_.conflict(task.entry, unit, units.now)) {
+        wait_until(*again, units.now);
         return false;
       }
     }

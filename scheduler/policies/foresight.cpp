@@ -18,9 +18,6 @@ Foresight::Foresight(const BudgetPlan& plan)
       waiting_(plan.tasks.size()),
       is_urgent_(plan.tasks.size(), false),
       streams_(plan.pipelines.size()) {
-  for (std::size_t p = 0; p < streams_.size(); ++p) {
-    streams_[p].foretold = plan.pipelines[p].is_periodic();
-  }
   for (std::uint32_t entry = 0; entry < plan.tasks.size(); ++entry) {
     is_urgent_[entry] = plan.pipelines[plan.tasks[entry].pipeline].deadline.has_value();
   }
@@ -116,13 +113,12 @@ std::optional<Foresight::Demand> Foresight::demand(std::uint32_t entry, std::siz
                 false};
 }
 
-std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, UnitId unit,
-                                                       Nanos now) {
+std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos now) {
   if (on_[unit].empty()) return std::nullopt;
   const BudgetPlan::Task& asking = plan_.tasks[entry];
   for (std::size_t p = 0; p < streams_.size(); ++p) skip_missing(p, now);
   if (!plan_.pipelines[asking.pipeline].is_periodic()) {
-    if (const auto again = breaks_guarantee(asking, unit, now)) return Conflict{*again};
+    if (const auto again = breaks_guarantee(asking, unit, now)) return again;
   }
   const Nanos takes = asking.takes(unit);
   const Nanos own_end = latest_end(entry);
@@ -159,12 +155,15 @@ std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, Unit
       demands_.push_back(*next);
       std::ranges::push_heap(demands_, later);
     }
-    const Nanos needs = plan_.tasks[each.entry].takes(unit);
+    const BudgetPlan::Task& other = plan_.tasks[each.entry];
+    const Nanos needs = other.takes(unit);
     free = std::max(free, each.ready) + needs;
-    // One that comes while the task has the unit waits for the end of a slice.
-    const bool meets = sliced && each.ready > now && each.ready < ends;
-    const Nanos begin =
-        std::max(free_behind, meets ? std::min(each.ready + slice, ends) : each.ready);
+    // One that comes while the task has the unit waits for the end of a slice; one of the same
+    // program, which no call lets in, for that of the task.
+    const bool let_in = sliced && other.context[unit] != asking.context[unit];
+    const bool meets = let_in && each.ready > now && each.ready < ends;
+    const Nanos begin = std::max(let_in ? free_behind : std::max(free_behind, ends),
+                                 meets ? std::min(each.ready + slice, ends) : each.ready);
     if (begin < ends) ends += needs;
     free_behind = begin + needs;
     urgent += needs;
@@ -180,7 +179,7 @@ std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, Unit
     if (latest_start <= now) return std::nullopt;
     ask_again = std::min(ask_again, latest_start);
   }
-  return Conflict{ask_again};
+  return ask_again;
 }
 
 /// Of the tasks of the entry that are to be placed, and then of those that come: when the @p

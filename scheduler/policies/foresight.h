@@ -33,14 +33,10 @@ class Foresight {
   /// By when the most urgent waiting task of the entry has to end; Nanos::max() = nobody says.
   [[nodiscard]] Nanos latest_end(std::uint32_t entry) const;
 
-  /// A refusal, and when it may be worth asking again if nothing else happens.
-  struct Conflict {
-    Nanos ask_again{0};
-  };
   /// Whether the most urgent task of the entry, started on the unit now, would make something more
   /// urgent late that needs the unit: then it had better wait. Absent = no, or it cannot wait
-  /// either.
-  [[nodiscard]] std::optional<Conflict> conflict(std::uint32_t entry, UnitId unit, Nanos now);
+  /// either. @return  When it may be worth asking again if nothing else happens.
+  [[nodiscard]] std::optional<Nanos> conflict(std::uint32_t entry, UnitId unit, Nanos now);
   /// Other units are up, or the plan is another one.
   /// @param up  Units that are up; before the first call all.
   void find_units(UnitMask up);
@@ -57,13 +53,12 @@ class Foresight {
   struct Stream {
     std::int64_t next = 0;    ///< Number of the firing that comes next.
     std::int64_t missed = 0;  ///< Firings in a row that did not come.
-    bool foretold = false;    ///< Its firings are known beforehand.
   };
 
   [[nodiscard]] UnitId unit_of(std::uint32_t entry, UnitMask up) const;
   void skip_missing(std::size_t pipeline, Nanos now);
   [[nodiscard]] bool comes(std::size_t pipeline) const {
-    return streams_[pipeline].foretold && streams_[pipeline].missed < kEnded;
+    return plan_.pipelines[pipeline].is_periodic() && streams_[pipeline].missed < kEnded;
   }
   [[nodiscard]] Nanos nominal(std::size_t pipeline, std::int64_t number) const;
   [[nodiscard]] Nanos missing(std::size_t pipeline) const;

@@ -187,10 +187,15 @@ void make_plan(const Mode& mode, Scenario& scenario, const ScheduleOptions& opti
   setup.budget = first_budget_plan(scenario, options.power_cap_w);
 }
 
-void check_budget(const Platform& platform, const ScheduleOptions& options, const Mode& mode) {
+void check_budget(const Platform& platform, const Mix& mix, const ScheduleOptions& options,
+                  const Mode& mode) {
   if (!mode.policy.budgets && options.has_budget()) {
     throw_bad_input("--objective, --min-rate and --power-cap are about mode budget; mode " +
                     std::string(mode.policy.name) + " has no use for them, leave them out");
+  }
+  if (mix.fires_once() && (options.min_rate_per_ms || options.power_cap_w)) {
+    throw_bad_input("--min-rate and --power-cap: mix " + mix.name +
+                    " fires once and follows a static plan, which keeps neither; leave them out");
   }
   if (!options.power_cap_w || above_idle_j(platform, *options.power_cap_w) >= 0) return;
   throw_bad_input(infeasible_cap(platform, *options.power_cap_w));
@@ -226,7 +231,7 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
                       const ScheduleOptions& options) {
   const Mode mode = find_mode(options.mode, options.basic);
   check_options(platform, mix, options, mode);
-  check_budget(platform, options, mode);
+  check_budget(platform, mix, options, mode);
   const Defaults defaults = defaults_of(platform, mode);
   check_role(platform, mode.policy);
   check_role(platform, mode.weighed());

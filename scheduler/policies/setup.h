@@ -84,10 +84,10 @@ struct ModeSetup {
 /// @param platform  As @p mix, must outlive what is returned.
 /// @param profile  Null = only what the platform file says.
 /// @throws Error{kBadInput}: unknown mode, bad weights, a duration or in_flight below 1, a duration
-/// for a mix without open loop, an overflow for a mode that has none, `eligible` that names
-/// nothing, a platform of more than 64 units, a profile of another platform, a workload that no
-/// unit (or none that the mode uses) can serve: then with each unit's reason and the command that
-/// measures it.
+/// for a mix without open loop, an overflow for a mode that has none, a least rate or a cap of
+/// power for a mix that fires once, `eligible` that names nothing, a platform of more than 64
+/// units, a profile of another platform, a workload that no unit (or none that the mode uses) can
+/// serve: then with each unit's reason and the command that measures it.
 [[nodiscard]] ModeSetup set_up_mode(const Platform& platform, const Profile* profile,
                                     const Mix& mix, const ScheduleOptions& options);
 

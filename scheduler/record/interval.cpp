@@ -31,7 +31,6 @@ RunFigures figures_of(const RunRecord& run) {
   add("p99_of_deadline", p99_of_deadline(run));
   add("real_time_losses", static_cast<double>(real_time_losses(run)));
   add("real_time_queued", static_cast<double>(real_time_queued(run)));
-  add("keeps_up", keeps_up(run) ? 1 : 0);
   for (const PipelineResult& pipeline : run.pipelines) {
     add("pipelines." + pipeline.pipeline + ".p99_ms", pipeline.p99_ms);
   }

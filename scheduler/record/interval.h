@@ -13,8 +13,8 @@ namespace pirt {
 
 /// The figures of a run that are compared and shown with an interval, by name: "throughput_per_ms",
 /// "energy_j", "average_power_w", "mean_latency_ms", "p99_latency_ms", "p99_of_deadline",
-/// "real_time_losses", "real_time_queued", "keeps_up" (0 or 1), "pipelines.NAME.p99_ms". Those that
-/// are not known are not there.
+/// "real_time_losses", "real_time_queued", "pipelines.NAME.p99_ms". Those that are not known are
+/// not there.
 using RunFigures = std::map<std::string, double>;
 [[nodiscard]] RunFigures figures_of(const RunRecord& run);
 

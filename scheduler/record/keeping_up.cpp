@@ -23,9 +23,15 @@ Shortfall shortfall_of(const PipelineResult& pipeline) {
 }
 
 bool keeps_up(const RunRecord& run) {
-  return std::ranges::all_of(run.pipelines, [](const PipelineResult& pipeline) {
-    return shortfall_of(pipeline).firings() == 0;
-  });
+  return run.stalled == 0 && std::ranges::all_of(run.pipelines, [](const PipelineResult& pipeline) {
+           return shortfall_of(pipeline).firings() == 0;
+         });
+}
+
+bool misses_rate(const RunRecord& run) {
+  constexpr double kRounding = 1e-6;
+  return run.min_rate_per_ms &&
+         run.throughput_per_ms.value_or(0) < *run.min_rate_per_ms * (1 - kRounding);
 }
 
 std::int64_t deadline_misses(const RunRecord& run) {

@@ -17,8 +17,10 @@ struct Shortfall {
 };
 [[nodiscard]] Shortfall shortfall_of(const PipelineResult& pipeline);
 
-/// No pipeline has a shortfall.
+/// No pipeline has a shortfall, and no task stalls.
 [[nodiscard]] bool keeps_up(const RunRecord& run);
+/// Whether it does not reach the rate that it had to.
+[[nodiscard]] bool misses_rate(const RunRecord& run);
 /// Firings of all pipelines past their deadline.
 [[nodiscard]] std::int64_t deadline_misses(const RunRecord& run);
 /// Late and dropped firings of its real-time pipelines, and those of them that are queued.

@@ -88,9 +88,7 @@ std::vector<DataEdge> data_edges(const Platform& platform, const Pipeline& pipel
   for (auto& edge : edges_into(platform, pipeline, task)) {
     edges.push_back({std::move(edge), given[edges.size()].bytes.value_or(0), false});
   }
-  for (auto& [edge, size_bytes] : earlier_edges_into(platform, pipeline, task)) {
-    edges.push_back({std::move(edge), size_bytes, true});
-  }
+  std::ranges::move(earlier_edges_into(platform, pipeline, task), std::back_inserter(edges));
   const auto takes = [](const DataEdge& each) { return takes_time(each.edge); };
   return std::ranges::any_of(edges, takes) ? edges : std::vector<DataEdge>{};
 }
@@ -111,23 +109,23 @@ void add_wait(const Scenario& scenario, std::size_t pipeline, const TaskPlan& ta
   if (task.edges.empty() && !task.state) return;
   const Platform& platform = scenario.platform;
   Nanos longest{0};
-  for (const DataEdge& each : task.edges) {
+  const auto add = [&](UnitMask sources, std::int64_t size_bytes, const auto& moving) {
     double most_j = 0;
     for (UnitId from = 0; from < platform.units.size(); ++from) {
-      if (!contains(scenario.classes[pipeline][each.edge.from].eligible, from)) continue;
-      longest = std::max(longest, each.edge.transfer(from, unit));
-      most_j = std::max(most_j, moving_j(platform, from, unit, each.size_bytes));
-    }
-    call.data_j += most_j;
-  }
-  if (task.state) {
-    const std::int64_t size_bytes = scenario.mix.states[*task.state].size_bytes;
-    double most_j = 0;
-    for (UnitId from = 0; from < platform.units.size(); ++from) {
-      longest = std::max(longest, moving_time(platform, from, unit, size_bytes));
+      if (!contains(sources, from)) continue;
+      longest = std::max(longest, moving(from));
       most_j = std::max(most_j, moving_j(platform, from, unit, size_bytes));
     }
     call.data_j += most_j;
+  };
+  for (const DataEdge& each : task.edges) {
+    add(scenario.classes[pipeline][each.edge.from].eligible, each.size_bytes,
+        [&](UnitId from) { return each.edge.transfer(from, unit); });
+  }
+  if (task.state) {
+    const std::int64_t size_bytes = scenario.mix.states[*task.state].size_bytes;
+    add(~UnitMask{0}, size_bytes,
+        [&](UnitId from) { return moving_time(platform, from, unit, size_bytes); });
   }
   CallStep& wait = call.steps.emplace_back();
   wait.usual = longest;
@@ -173,7 +171,8 @@ Nanos CallStep::takes(Taken taken) const {
 }
 
 Nanos CallPlan::takes(Taken taken) const {
-  Nanos sum{0};
+  const bool usual = taken == Taken::kUsualWorst || taken == Taken::kWorst;
+  Nanos sum = usual ? handover : Nanos::zero();
   for (const CallStep& step : steps) sum += step.takes(taken);
   return sum;
 }
@@ -205,7 +204,7 @@ Nanos CallPlan::bottleneck(UnitId unit) const {
 
 Nanos CallPlan::longest_slice() const {
   Nanos longest{0};
-  Nanos since{0};  // It could be suspended.
+  Nanos since = handover;  // It could be suspended.
   for (const CallStep& step : steps) {
     const Nanos takes = step.prepares ? Nanos::zero() : step.takes(Taken::kUsualWorst);
     if (step.slices == nullptr) {
@@ -257,6 +256,7 @@ CallPlan plan_call(const Platform& platform, const ServiceTable& services, Workl
   const Service& service = *services.find(workload, unit);
   CallPlan call;
   call.energy_known = service.energy_known;
+  if (!services.units.empty()) call.handover = services.units[unit].longest_handover;
   if (bytes.moves) add_link(platform, unit, bytes.in, call.steps);
   if (service.prepare) {
     CallStep& load = call.steps.emplace_back();
@@ -293,6 +293,7 @@ std::vector<TaskPlan> plan_tasks(const Scenario& scenario, std::size_t pipeline)
       CallPlan alone = plan_call(scenario.platform, scenario.services, kind.workload, unit,
                                  call_bytes(tasks[t]));
       call.energy_known = alone.energy_known;
+      call.handover = alone.handover;
       std::ranges::move(alone.steps, std::back_inserter(call.steps));
     }
     plans.push_back(std::move(plan));

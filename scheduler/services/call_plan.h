@@ -75,6 +75,7 @@ struct CallPlan {
   std::vector<CallStep> steps;  ///< Empty where the unit may not serve the task.
   double data_j = 0;  ///< At most: of links over which data of predecessors, and a state, comes.
   bool energy_known = true;
+  Nanos handover{0};  ///< Until its unit begins with it, at most: of kUsualWorst and kWorst.
 
   /// From its start to its end, with the slot that it holds.
   [[nodiscard]] Nanos takes(Taken taken) const;
@@ -100,13 +101,6 @@ struct CallPlan {
 /// @param services  Have a service for it, and outlive the plan.
 [[nodiscard]] CallPlan plan_call(const Platform& platform, const ServiceTable& services,
                                  WorkloadId workload, UnitId unit, const CallBytes& bytes);
-
-/// Data that a task waits for once it has started, with what it moves over links.
-struct DataEdge {
-  GraphEdge edge;
-  std::int64_t size_bytes = 0;
-  bool earlier = false;  ///< Of an earlier firing.
-};
 
 struct TaskPlan {
   WorkloadId workload = 0;

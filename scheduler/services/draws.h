@@ -6,8 +6,8 @@
 
 namespace pirt {
 
-/// Whether the platform draws the time of some call of @p mix from a distribution, or the mix the
-/// time of some firing.
+/// Whether the platform draws the time of some call of @p mix, or the latency of a link, from a
+/// distribution, or the mix the time of some firing.
 [[nodiscard]] bool draws_times(const Platform& platform, const Mix& mix);
 
 }  // namespace pirt

@@ -7,7 +7,9 @@
 #include <map>
 #include <set>
 #include <string_view>
+#include <utility>
 
+#include "scheduler/services/scenario.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
@@ -120,6 +122,14 @@ std::vector<std::string> workloads_of(const Mix& mix) {
   return names;
 }
 
+UnitMask cloud_units(const Platform& platform) {
+  return units_where(platform.units,
+                     [](const UnitModel& unit) { return unit.role == Role::kCloud; });
+}
+
+namespace {
+
+/// The times that the mix itself gives to tasks, by unit. A unit's own name goes before its role.
 GivenServices given_services(const Platform& platform, const Mix& mix) {
   GivenServices given;
   for (const auto& pipeline : mix.pipelines) {
@@ -145,11 +155,7 @@ GivenServices given_services(const Platform& platform, const Mix& mix) {
   return given;
 }
 
-UnitMask cloud_units(const Platform& platform) {
-  return units_where(platform.units,
-                     [](const UnitModel& unit) { return unit.role == Role::kCloud; });
-}
-
+/// Throws where no unit has a service for some workload that the mode could use.
 void check_every_workload_served(const Platform& platform, const Profile* profile, const Mix& mix,
                                  const ServiceTable& services, CloudUse cloud_use) {
   const UnitMask cloud = cloud_units(platform);
@@ -169,8 +175,6 @@ void check_every_workload_served(const Platform& platform, const Profile* profil
                   join(missing, ", ") + " (" + missing.front() + " - " + reasons + "); " +
                   remedy(platform, profile, missing));
 }
-
-namespace {
 
 /// What of @p among is uncertain so far that it tells nothing of the order of units, where another
 /// one of the robot's own is not.
@@ -202,8 +206,9 @@ std::vector<UnitMask> wanted_units(const Platform& platform, const Mix& mix,
   return wanted;
 }
 
-}  // namespace
-
+/// Of units with `memory_mb`: takes from @p services what does not fit there beside what comes
+/// before it, in the order of the mix's tasks, if tasks may go there at all. A unit with contexts
+/// holds one at a time. What nobody has measured is not counted, and warned of.
 void admit_by_memory(const Platform& platform, const Mix& mix, ServiceTable& services) {
   const auto wanted = wanted_units(platform, mix, services);
   for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
@@ -243,6 +248,11 @@ void admit_by_memory(const Platform& platform, const Mix& mix, ServiceTable& ser
   }
 }
 
+/// [pipeline][task]: the units that have a service and that `eligible` names, by unit or by role.
+/// One whose figure is uncertain by more than a factor of 4 is among them only where nothing else
+/// of the robot's own is; the cloud is asked for other reasons than its time.
+/// @param only      The role whose units alone the mode uses, if it has one: others serve nothing.
+/// @param warnings  Appended to: which is left out so.
 std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const Mix& mix,
                                                  const ServiceTable& services,
                                                  std::optional<Role> only,
@@ -282,6 +292,25 @@ std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const
     }
   }
   return classes;
+}
+
+}  // namespace
+
+Scenario make_scenario(const Platform& platform, const Profile* profile, const Mix& mix,
+                       ServiceOptions options, CloudUse cloud_use) {
+  options.given = given_services(platform, mix);
+  const bool slices = options.slices;
+  ServiceTable services = resolve_services(platform, profile, workloads_of(mix), options);
+  admit_by_memory(platform, mix, services);
+  check_every_workload_served(platform, profile, mix, services, cloud_use);
+  std::vector<std::string> warnings;
+  auto classes = task_classes(platform, mix, services, options.only, warnings);
+  services.warnings.insert(services.warnings.end(), warnings.begin(), warnings.end());
+  return {.platform = platform,
+          .mix = mix,
+          .services = std::move(services),
+          .classes = std::move(classes),
+          .slices = slices};
 }
 
 }  // namespace pirt

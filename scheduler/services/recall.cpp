@@ -12,22 +12,17 @@ namespace {
 /// handed a call: who looks at the clock, who waits for the cloud's reply, and the unit's own.
 constexpr int kWakeUps = 3;
 
-Nanos longest_handover(const ServiceTable& services, UnitId unit) {
-  return services.units.empty() ? Nanos::zero() : services.units[unit].longest_handover;
-}
-
 struct Slowest {
   Nanos takes{0};  ///< From being handed over to its end.
   Nanos handover{0};
 };
 
-Slowest slowest(const ServiceTable& services, const TaskPlan& plan, UnitMask among) {
+Slowest slowest(const TaskPlan& plan, UnitMask among) {
   Slowest most;
   for (UnitId unit = 0; unit < plan.calls.size(); ++unit) {
     if (!contains(among, unit)) continue;
-    const Nanos handover = longest_handover(services, unit);
-    most.takes = std::max(most.takes, handover + plan.calls[unit].takes(Taken::kWorst));
-    most.handover = std::max(most.handover, handover);
+    most.takes = std::max(most.takes, plan.calls[unit].takes(Taken::kWorst));
+    most.handover = std::max(most.handover, plan.calls[unit].handover);
   }
   return most;
 }
@@ -55,9 +50,9 @@ std::vector<std::optional<RecallLead>> recall_leads(const Scenario& scenario,
   for (std::size_t t = tasks.size(); t-- > 0;) {
     const TaskClass& kind = scenario.classes[pipeline][t];
     const UnitMask here = kind.eligible & ~cloud;
-    const Slowest own = slowest(scenario.services, plans[t], here);
+    const Slowest own = slowest(plans[t], here);
     const Nanos takes = behind[t] + own.takes;
-    for (const std::size_t before : tasks[t].after)
+    for (const std::size_t before : scenario.mix.pipelines[pipeline].waits_for(t))
       behind[before] = std::max(behind[before], takes);
     const UnitMask there = kind.eligible & cloud;
     if (here != 0 && there != 0) leads[t] = {takes + (kWakeUps - 1) * own.handover, there};

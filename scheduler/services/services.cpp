@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <set>
 
 #include "characterize/platform/elsewhere.h"
 #include "workloads/backends/backend_list.h"
@@ -388,6 +389,31 @@ void warn_of_power(const Platform& platform, const Profile* profile,
   }
 }
 
+/// What --strict refuses beside calls shows nowhere: without it there is just no such effect.
+void warn_of_refused(const Platform& platform, const Profile& profile,
+                     const std::vector<std::string>& workloads,
+                     std::vector<std::string>& warnings) {
+  int refused = 0;
+  std::set<std::string> units;
+  const auto consider = [&](const auto& row) {
+    if (!is_doubted(row)) return;
+    if (std::ranges::find(platform.units, row.unit, &UnitModel::name) == platform.units.end()) {
+      return;
+    }
+    ++refused;
+    units.insert(row.unit);
+  };
+  for (const PhaseRow& row : profile.conditions) {
+    if (std::ranges::find(workloads, row.workload) != workloads.end()) consider(row);
+  }
+  for (const UnitTimeRow& row : profile.unit_times) consider(row);
+  if (refused == 0) return;
+  warnings.push_back(
+      fmt::format("--strict: figures of other conditions and of units beside their calls that are "
+                  "uncertain are counted as nothing: {}, of {}",
+                  refused, join(std::vector(units.begin(), units.end()), ", ")));
+}
+
 }  // namespace
 
 ServiceTable resolve_services(const Platform& platform, const Profile* profile,
@@ -401,6 +427,9 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
   ServiceTable table;
   table.workloads = workloads;
   warn_of_power(platform, profile, table.warnings);
+  if (profile != nullptr && options.strict) {
+    warn_of_refused(platform, *profile, workloads, table.warnings);
+  }
   if (profile != nullptr && !(profile->conditions.empty() && profile->unit_times.empty())) {
     for (const UnitModel& unit : platform.units) {
       table.units.push_back(unit_conditions(*profile, unit, options.draw, options.strict));

@@ -106,21 +106,21 @@ std::vector<GraphEdge> edges_into(const Platform& platform, const Pipeline& pipe
   return edges;
 }
 
-std::vector<EarlierEdge> earlier_edges_into(const Platform& platform, const Pipeline& pipeline,
-                                            std::size_t task) {
-  std::vector<EarlierEdge> edges;
+std::vector<DataEdge> earlier_edges_into(const Platform& platform, const Pipeline& pipeline,
+                                         std::size_t task) {
+  std::vector<DataEdge> edges;
   for (const PortInput& port : pipeline.tasks[task].inputs) {
     if (!port.earlier) continue;
-    const auto same_maker = [&](const EarlierEdge& each) { return each.edge.from == port.task; };
+    const auto same_maker = [&](const DataEdge& each) { return each.edge.from == port.task; };
     auto known = std::ranges::find_if(edges, same_maker);
     if (known == edges.end()) {
-      edges.push_back({.edge = {.from = port.task, .to = task}});
+      edges.push_back({.edge = {.from = port.task, .to = task}, .earlier = true});
       known = edges.end() - 1;
     }
     const WorkloadSpec maker = find_spec(pipeline.tasks[port.task].workload);
     known->size_bytes += maker.outputs[port.output].size_bytes();
   }
-  for (EarlierEdge& each : edges) {
+  for (DataEdge& each : edges) {
     if (platform.links.empty()) continue;
     each.edge.leave = each.edge.enter = link_times(platform, each.size_bytes);
   }

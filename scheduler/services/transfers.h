@@ -51,14 +51,15 @@ struct GraphEdge {
 [[nodiscard]] std::vector<GraphEdge> edges_into(const Platform& platform, const Pipeline& pipeline,
                                                 std::size_t task);
 
-/// The same for what a task takes from earlier firings.
-struct EarlierEdge {
+/// Data that a task waits for once it has started, with what it moves over links.
+struct DataEdge {
   GraphEdge edge;
   std::int64_t size_bytes = 0;
+  bool earlier = false;  ///< Of an earlier firing.
 };
+/// The same for what a task takes from earlier firings.
 /// @return  One for each task that it takes from.
-[[nodiscard]] std::vector<EarlierEdge> earlier_edges_into(const Platform& platform,
-                                                          const Pipeline& pipeline,
-                                                          std::size_t task);
+[[nodiscard]] std::vector<DataEdge> earlier_edges_into(const Platform& platform,
+                                                       const Pipeline& pipeline, std::size_t task);
 
 }  // namespace pirt

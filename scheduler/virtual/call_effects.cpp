@@ -117,6 +117,7 @@ void CallEffects::run(const Execution& execution, const CallConditions* conditio
     const Nanos by =
         std::min(other.room, scaled(both, slowdown(*other.conditions, *conditions) - 1));
     if (by <= Nanos::zero()) continue;
+    other.stretch *= to_s(other.ends - now + by) / to_s(other.ends - now);
     other.ends += by;
     other.room -= by;
     slowed.push_back({other.executing.job, id, by});

@@ -80,7 +80,7 @@ class CallEffects {
     std::vector<Touched> last;                   ///< By workload.
     Execution executing;                         ///< The last that began,
     Nanos ends{0};                               ///< when it does,
-    double stretch = 1;                          ///< by what it was lengthened at its begin,
+    double stretch = 1;                          ///< how many times as long others made the rest,
     Nanos room{0};                               ///< and by how much others may still slow it.
     const CallConditions* conditions = nullptr;  ///< Its own.
   };

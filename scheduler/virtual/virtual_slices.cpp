@@ -60,6 +60,7 @@ void VirtualTime::go_on(JobIndex index) {
     job.whole = scaled(job.whole, resumed.part);
     job.whole_powered = scaled(job.whole_powered, resumed.part);
     job.rest = scaled(job.rest, resumed.part);
+    if (resumed.part > 0) job.own_w /= resumed.part;
     lengthen_slowed();
   }
   cut(job, step);

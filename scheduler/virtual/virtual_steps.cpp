@@ -97,9 +97,12 @@ Nanos VirtualTime::begins(JobId index, Nanos work) {
   return jobs_[index].takes;
 }
 
-/// While a server works on the step. A scaled stage draws less for longer: its energy stays.
-double VirtualTime::power_w(const Job& job, const CallStep& step) {
-  return step.watts * step.energy_scale / step.scale + job.own_w;
+/// While a server works on the step. A scaled stage draws less for longer, and so does one with a
+/// hand-over: its energy stays.
+double VirtualTime::power_w(const Job& job, const CallStep& step) const {
+  if (!call_effects_.any()) return step.watts * step.energy_scale / step.scale + job.own_w;
+  if (job.takes <= Nanos::zero()) return 0;
+  return step.watts * (to_s(job.powered) / to_s(job.takes)) + job.own_w;
 }
 
 /// A server begins with the step, which takes what else happened, too; others that it slows end
@@ -113,15 +116,33 @@ void VirtualTime::add_effects(JobIndex index, const CallStep& step) {
                                               hash_u64(random(index), 2), slowed_);
   job.powered += step.powered(longer - job.takes);
   job.takes = longer + std::exchange(job.handover, Nanos::zero());
+  if (execution.steady > Nanos::zero()) job.own_w = step.own_w(job.takes);
   lengthen_slowed();
 }
 
-/// What call_effects_ said of others.
+/// What call_effects_ said of others. What follows the slice that is served becomes longer by its
+/// part.
 void VirtualTime::lengthen_slowed() {
   for (const auto& [other, unit, by] : slowed_) {
-    if (!servers_[unit]->lengthen(other, by, now_)) continue;
-    jobs_[other].takes += by;
-    jobs_[other].powered += scaled(by, step_of(jobs_[other]).energy_scale);
+    Job& job = jobs_[other];
+    const CallStep& step = step_of(job);
+    const bool sliced = step.slices != nullptr && job.rest > Nanos::zero();
+    // Such a unit has one server, which is the call's.
+    const Nanos left = sliced ? servers_[unit]->next().time - now_ : Nanos::zero();
+    const double longer = sliced ? 1 + to_s(by) / (to_s(left) + to_s(job.rest)) : 1;
+    const Nanos here = sliced ? scaled(left, longer - 1) : by;
+    if (!servers_[unit]->lengthen(other, here, now_)) continue;
+    // What was told of it may have had a hand-over in it, which draws nothing.
+    const double more_w =
+        step.watts * (step.energy_scale / step.scale - to_s(job.powered) / to_s(job.takes));
+    if (!observers_.empty() && here > Nanos::zero() && more_w > 0) draw_for(unit, more_w, here);
+    job.takes += here;
+    job.powered += scaled(here, step.energy_scale);
+    if (sliced) {
+      job.rest += by - here;
+      job.whole = scaled(job.whole, longer);
+      job.whole_powered = scaled(job.whole_powered, longer);
+    }
     note_next(unit);
   }
 }

@@ -395,11 +395,11 @@ void VirtualTime::begin_step(JobIndex index) {
 }
 
 void VirtualTime::work_on(JobIndex index, const CallStep& step) {
-  if (!observers_.empty()) {
-    tell(&RunObserver::arrived, step.servers, index, power_w(jobs_[index], step));
-  }
+  // A server that begins at once says what it takes.
   servers_[step.servers]->arrive(index, jobs_[index].takes, sequence_++, now_);
   note_next(step.servers);
+  if (observers_.empty()) return;
+  tell(&RunObserver::arrived, step.servers, index, power_w(jobs_[index], step));
 }
 
 /// @param job  At the servers of its step, which have worked on that for so long.

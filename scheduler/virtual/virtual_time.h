@@ -149,7 +149,7 @@ class VirtualTime final : private Servers::Owner {
   [[nodiscard]] std::uint64_t random(JobIndex job) const;
   void add_effects(JobIndex job, const CallStep& step);
   void lengthen_slowed();
-  [[nodiscard]] static double power_w(const Job& job, const CallStep& step);
+  [[nodiscard]] double power_w(const Job& job, const CallStep& step) const;
   void complete(JobIndex job, Outcome outcome, Nanos took,
                 std::shared_ptr<const std::vector<Tensor>> data);
   void release(const std::optional<FiringId>& firing);

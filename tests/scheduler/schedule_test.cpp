@@ -43,6 +43,21 @@ TEST(Schedule, OffloadsExactlyTheNonRealTimeTasksOfTheRobotOfTableOne) {
   }
 }
 
+// b finds the only buffer with a, and is dropped; c, which is planned behind it, runs all the same.
+TEST(Schedule, APlanWaitsForNoPipelineThatFindsNoBuffer) {
+  const auto record = run(platform_of("platform: one\nunits: {cpu: {slots: 1}}\n"), mix_of(R"(
+mix: m
+image_buffers: 1
+pipelines:
+  a: {closed_loop: {frames: 1}, tasks: [{name: t, service_ms: {cpu: 5}, image_input: true}]}
+  b: {closed_loop: {frames: 1}, tasks: [{name: t, service_ms: {cpu: 4}, image_input: true}]}
+  c: {closed_loop: {frames: 1}, tasks: [{name: t, service_ms: {cpu: 3}}]}
+)"),
+                          mode("heft"));
+  EXPECT_EQ(record.stalled, 0);
+  EXPECT_EQ(record.completed, 2);
+}
+
 TEST(Schedule, WarnsWhenAdvancedHasNoCloudAndWhenThereIsNoDsp) {
   const auto record = run(
       platform_of(kOneModelled),

@@ -8,6 +8,7 @@
 #include "scheduler/policies/foresight.h"
 #include "scheduler/policies/power_window.h"
 #include "scheduler/policies/setup.h"
+#include "scheduler/record/keeping_up.h"
 #include "scheduler/record/summary.h"
 #include "scheduler/trace/log_json.h"
 #include "scheduler/trace/power_peak.h"
@@ -140,7 +141,7 @@ BudgetPlan small_plan() {
                             .capacity = {1},
                             .share = {1},
                             .worst = {milliseconds(ms)},
-                            .context = {0},
+                            .context = {pipeline},
                             .prepare = {Nanos(0)},
                             .window_j = {0}};
   };
@@ -158,7 +159,7 @@ TEST(Foresight, KnowsWhatIsToComeAndWhatWaits) {
   Foresight foresight(plan);
   const auto ask_again = [&](int ms) -> std::optional<double> {
     const auto conflict = foresight.conflict(1, 0, milliseconds(ms));
-    return conflict ? std::optional(to_ms(conflict->ask_again)) : std::nullopt;
+    return conflict ? std::optional(to_ms(*conflict)) : std::nullopt;
   };
   // Firing 0 is to come at 0 to 5 ms; 50 ms from now on would be too late for it. If it has not
   // come by 5 ms, and one of grace, it is worth asking again.
@@ -247,6 +248,105 @@ TEST(Budget, AGuaranteeIsKeptOnAUnitWhoseCallsHaveADelay) {
   EXPECT_EQ(misses(record), 0);
 }
 
+// 33 slices of 3 ms, which let no other call of bundle_adjust in: `slow`, begun at n s, would make
+// `fast` of n s + 10 ms end at n s + 198 ms. It waits for n s + 109 ms.
+TEST(Budget, GuaranteesNothingWhereACallMeetsAnotherOfItsWorkload) {
+  const auto platform = platform_of(
+      "platform: one\nunits: {cpu: {slots: 1, active_w: 1}}\n"
+      "workloads: {bundle_adjust: {cpu: 99}}\n");
+  const auto mix = mix_of(
+      "mix: m\npipelines:\n"
+      "  slow: {rate_hz: 1, deadline_ms: 900, tasks: [{workload: bundle_adjust}]}\n"
+      "  fast: {rate_hz: 5, offset_ms: 10, deadline_ms: 140, tasks: [{workload: "
+      "bundle_adjust}]}\n");
+  ScheduleOptions options;
+  options.duration = from_s(10);
+  const auto record = run(platform, mix, options);
+  EXPECT_EQ(record.pipelines[1].not_analysed,
+            "calls of bundle_adjust on cpu let none of bundle_adjust in");
+  EXPECT_FALSE(record.pipelines[1].guaranteed.value_or(false));
+  EXPECT_EQ(misses(record), 0);
+}
+
+// Both hold p/background: b waits for a, and ends 60 ms after they came.
+TEST(Budget, AFiringThatHoldsAStateTwiceTakesBothAfterEachOther) {
+  const auto platform = platform_of(
+      "platform: two\nunits: {cpu: {slots: 1, active_w: 1}, gpu: {slots: 1, active_w: 1}}\n"
+      "workloads: {background_model: {cpu: 30, gpu: 30}}\n");
+  const auto mix = mix_of(
+      "mix: m\npipelines:\n  p: {rate_hz: 10, deadline_ms: 50, tasks: [{name: a, workload: "
+      "background_model, eligible: [cpu]}, {name: b, workload: background_model, eligible: "
+      "[gpu]}]}\n");
+  ScheduleOptions options;
+  options.duration = from_s(2);
+  const auto record = run(platform, mix, options);
+  EXPECT_EQ(record.pipelines[0].guaranteed, false);
+  EXPECT_EQ(record.pipelines[0].response_bound_ms, 60);
+}
+
+// Of the one buffer `hog` has 350 ms a second: what finds none is dropped, and foreseen no more.
+TEST(Budget, GuaranteesNothingThatMayFindNoImageBufferOrExpire) {
+  const auto platform = platform_of("platform: two\nunits: {cpu: {slots: 1}, gpu: {slots: 1}}\n");
+  const std::string cam =
+      "  cam: {rate_hz: 10, deadline_ms: 40, tasks: [{name: c, service_ms: {cpu: 10}, image_input: "
+      "true}]}\n";
+  const std::string hog =
+      "  hog: {rate_hz: 1, real_time: false, tasks: [{name: h, service_ms: {gpu: 350}, "
+      "image_input: true}]}\n";
+  const std::string expires =
+      "  e: {rate_hz: 10, deadline_ms: 50, expires_ms: 20, tasks: [{name: t, service_ms: {cpu: "
+      "1}}]}\n";
+  const auto first_of = [&](const std::string& pipelines) {
+    ScheduleOptions options;
+    options.duration = from_s(2);
+    return run(platform, mix_of("mix: m\nimage_buffers: 1\npipelines:\n" + pipelines), options)
+        .pipelines.front();
+  };
+  EXPECT_EQ(first_of(cam + hog).not_analysed, "may find no image buffer");
+  EXPECT_EQ(first_of(cam).guaranteed, true) << "it has the buffer to itself";
+  EXPECT_EQ(first_of(expires).not_analysed, "its tasks may expire");
+}
+
+// A thousand million periods of the one before the deadline of the other.
+TEST(Budget, ADeadlineMayBeManyPeriodsOfOthersLong) {
+  const auto mix = mix_of(
+      "mix: m\npipelines:\n"
+      "  imu: {rate_hz: 1000, deadline_ms: 1, tasks: [{name: i, service_ms: {cpu: 0.1}}]}\n"
+      "  log: {rate_hz: 1, deadline_ms: 1e9, tasks: [{name: l, service_ms: {cpu: 0.2}}]}\n");
+  ScheduleOptions options;
+  options.duration = from_s(1);
+  const auto record = run(platform_of(kOneCore), mix, options);
+  EXPECT_EQ(record.pipelines[0].guaranteed, true);
+  EXPECT_EQ(record.pipelines[1].guaranteed, true);
+}
+
+TEST(Budget, AMixThatFiresOnceIsRefusedWhatItsPlanDoesNotKeep) {
+  const auto platform = platform_of("platform: three\nunits: {cpu: {}, gpu: {}, dsp: {}}\n");
+  const auto mix = parse_mix("dag.yaml", generate_dag({.tasks = 5, .ccr = 1, .seed = 1}));
+  ScheduleOptions capped, least;
+  capped.power_cap_w = 1;
+  least.min_rate_per_ms = 0.1;
+  for (const ScheduleOptions& options : {capped, least}) {
+    EXPECT_THAT(bad_input([&] { static_cast<void>(run(platform, mix, options)); }),
+                HasSubstr("fires once"));
+  }
+}
+
+// The core has time for one task of 2 ms in 2 ms.
+TEST(Budget, SaysWhereTheLeastRateIsNotReached) {
+  const auto mix = mix_of(
+      "mix: m\npipelines: {p: {closed_loop: {frames: 50}, tasks: [{name: a, service_ms: {cpu: "
+      "2}}]}}\n");
+  ScheduleOptions options;
+  options.min_rate_per_ms = 1;
+  const auto record = run(platform_of(kOneCore), mix, options);
+  EXPECT_TRUE(misses_rate(record));
+  EXPECT_THAT(record.warnings,
+              testing::Contains(HasSubstr("--min-rate 1 tasks/ms is not reached: 0.5")));
+  options.min_rate_per_ms = 0.25;
+  EXPECT_FALSE(misses_rate(run(platform_of(kOneCore), mix, options)));
+}
+
 TEST(Foresight, WhatWouldBeLateItselfDoesNotWait) {
   BudgetPlan plan = small_plan();
   plan.pipelines[1] = {.deadline = milliseconds(100)};
@@ -256,7 +356,7 @@ TEST(Foresight, WhatWouldBeLateItselfDoesNotWait) {
   own.deadline = milliseconds(56);
   foresight.submitted(own);
   // It takes 50 of its 56 ms, the plan 2: it can wait until 4 ms.
-  EXPECT_EQ(foresight.conflict(1, 0, Nanos(0))->ask_again, milliseconds(4));
+  EXPECT_EQ(foresight.conflict(1, 0, Nanos(0)), milliseconds(4));
   EXPECT_FALSE(foresight.conflict(1, 0, milliseconds(4)));
 }
 

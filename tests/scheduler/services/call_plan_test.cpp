@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "scheduler/services/draws.h"
 #include "tests/scheduler/support.h"
 
 namespace pirt::test {
@@ -65,6 +66,33 @@ workloads: {gaussian_blur: {gpu: [{on: gpu, ms: {uniform: [1, 2]}}]}}
   EXPECT_NEAR(call.window_j(), 0.022 + 3 * to_s(sending), 1e-12);
   const CostTable costs = call_costs(scenario);
   EXPECT_EQ(costs[0][0]->total, call.takes(Taken::kMean));
+}
+
+TEST(CallPlan, OfOneThatTakesLongIsItsHandOver) {
+  const auto platform = platform_of("platform: p\nunits: {cpu: {slots: 1}}\n");
+  const auto mix = mix_of(
+      "mix: m\npipelines: {a: {closed_loop: {frames: 1}, tasks: [{name: t, service_ms: {cpu: "
+      "1}}]}}\n");
+  Scenario scenario = make_scenario(platform, nullptr, mix, {}, CloudUse::kAll);
+  scenario.services.units.resize(1);
+  scenario.services.units[0].longest_handover = std::chrono::microseconds(100);
+  const CallPlan call = plan_tasks(scenario, 0)[0].calls[0];
+  EXPECT_EQ(call.takes(Taken::kMean), milliseconds(1));
+  EXPECT_EQ(call.takes(Taken::kUsualWorst), std::chrono::microseconds(1100));
+  EXPECT_EQ(call.takes(Taken::kWorst), std::chrono::microseconds(1100));
+  EXPECT_EQ(call.longest_slice(), std::chrono::microseconds(1100));
+}
+
+TEST(Draws, TheLatencyOfALinkIsDrawn) {
+  const auto mix =
+      mix_of("mix: m\npipelines: {a: {closed_loop: {frames: 1}, tasks: [{workload: sobel}]}}\n");
+  const auto with_latency = [](const std::string& latency) {
+    return platform_of(
+        "platform: p\nunits: {gpu: {link: bus}}\nlinks: {bus: {mbit_s: 10, latency_ms: " + latency +
+        "}}\nworkloads: {sobel: {gpu: 1}}\n");
+  };
+  EXPECT_TRUE(draws_times(with_latency("{uniform: [20, 60]}"), mix));
+  EXPECT_FALSE(draws_times(with_latency("20"), mix));
 }
 
 TEST(CallPlan, LongestSliceIsFromOneTimeThatItCanBeSuspendedToTheNext) {

@@ -1,6 +1,7 @@
 // What units draw by the devices that they turned out to have.
 #include "scheduler/services/devices.h"
 
+#include "scheduler/what_if.h"
 #include "tests/scheduler/support.h"
 
 namespace pirt::test {
@@ -117,6 +118,18 @@ TEST(Devices, ARunIsChargedForHoldingADeviceOpen) {
   EXPECT_NEAR(on_cpu.energy_j.value(), 100 * 0.01 + 79 + 1, 1e-6);
   EXPECT_THAT(bad_input([&] { return run_on("budget", profile, capped(120)).mode; }),
               HasSubstr("draw 125 W idle"));
+}
+
+// The board rests at 79 W and is not held open; the CPU draws 1 W, and 1 J for its calls.
+TEST(Devices, ACapIsNotToldOfWhatNobodyOpens) {
+  const Profile profile = profile_of(true);
+  ScheduleOptions options = capped(120);
+  options.without = {"gpu"};
+  options.duration = from_s(1);
+  const WhatIf found = what_if(on_devices(board(), &profile), &profile, calls(), {"ect"},
+                               {.kind = WhatIfChange::Kind::kPowerCap, .pipeline = ""}, options);
+  ASSERT_TRUE(found.rows[0].holds);
+  EXPECT_NEAR(*found.rows[0].holds, 81, 1);
 }
 
 TEST(Devices, WithoutMeterOrWattsTheEnergyOfARunIsUnknownAndModesSayWhatTheyGoBy) {

@@ -240,6 +240,24 @@ TEST(Services, UseWhatSaysNothingOfTheOrderOfUnitsWhereNothingElseServes) {
   EXPECT_THAT(scenario.services.warnings, Contains(HasSubstr("fc8 on gpu is not used")));
 }
 
+TEST(Services, SayWhatStrictCountsAsNothing) {
+  Profile profile = profile_of({row("cpu", Phase::kCall, 3000)});
+  UnitTimeRow handover;
+  handover.unit = "cpu";
+  handover.phase = UnitPhase::kHandover;
+  handover.median = Nanos(1000);
+  handover.doubts = {"contended"};
+  profile.unit_times = {handover};
+  PhaseRow cold = doubted(row("gpu", Phase::kExecute, 4000), 0.5, 1.5);
+  cold.condition = Condition::kColdCache;
+  profile.conditions = {cold};
+  ServiceOptions options;
+  EXPECT_THAT(services_of(&profile, options).warnings, IsEmpty());
+  options.strict = true;
+  EXPECT_THAT(services_of(&profile, options).warnings,
+              ElementsAre(HasSubstr("counted as nothing: 2, of cpu, gpu")));
+}
+
 TEST(Services, ModelEnergyAnewButBelieveAMeter) {
   EnergyRow modelled;
   modelled.workload = "fc8";

@@ -243,6 +243,74 @@ pipelines:
   EXPECT_NEAR(apart.pipelines[0].p50_ms.value(), 4, 4 * kHistogram);
 }
 
+RunRecord run_on(const std::string& board, const Profile& profile, const std::string& mix,
+                 ScheduleOptions options) {
+  options.watch_power = true;
+  return run_virtual(platform_of(board), &profile, mix_of(mix), options);
+}
+
+// The scene's 10 ms, which end a slice after 6, take twice as long beside the blur, which comes at
+// 1 ms: the slice ends at 1 + 2 x 5 = 11 ms, where the plan is let in, and the rest is [12, 20).
+TEST(CallEffects, WhatSlowsASlicedCallSlowsEachOfItsSlicesOnce) {
+  Profile profile = steady_profile();
+  profile.phases = {execute("describe_scene", "cpu", 10), execute("gaussian_blur", "gpu", 20)};
+  profile.conditions = {execute("describe_scene", "cpu", 20, Condition::kBesideCompute),
+                        execute("gaussian_blur", "gpu", 20, Condition::kBesideCompute)};
+  ScheduleOptions options;
+  options.mode = "edf";
+  options.slices = true;
+  options.duration = std::chrono::seconds(1);
+  const RunRecord record = run_on(kBoard, profile, R"(
+mix: m
+pipelines:
+  scene: {rate_hz: 10, tasks: [{name: a, workload: describe_scene, eligible: [cpu]}]}
+  blur: {rate_hz: 10, offset_ms: 1, tasks: [{name: a, workload: gaussian_blur, eligible: [gpu]}]}
+  planning: {rate_hz: 10, offset_ms: 2, deadline_ms: 50, tasks: [{name: a, service_ms: {cpu: 1}}]}
+)",
+                                  options);
+  EXPECT_EQ(record.suspensions, 10);
+  EXPECT_NEAR(record.pipelines[2].p50_ms.value(), 12 - 2, 0.05);
+  EXPECT_NEAR(record.pipelines[0].p50_ms.value(), 20, 0.05);
+}
+
+// The blur takes 4 ms, and 2 more beside sobel, which began before it: a joule of its own, and 1 W
+// of 6 ms beside 1 W of sobel's 2.
+TEST(CallEffects, ACallsOwnJoulesAreTheSameBesideOthers) {
+  Profile profile = steady_profile();
+  profile.conditions = {execute("gaussian_blur", "cpu", 8, Condition::kBesideCompute)};
+  std::string board = kBoard;
+  board.replace(board.find("active_w: 1"), 11, "active_w: 1, energy: {call_j: 1}");
+  ScheduleOptions options;
+  options.mode = "met";
+  options.duration = std::chrono::seconds(1);
+  const RunRecord record = run_on(board, profile, R"(
+mix: m
+pipelines:
+  q: {rate_hz: 10, tasks: [{name: a, workload: sobel, eligible: [gpu]}]}
+  p: {rate_hz: 10, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+)",
+                                  options);
+  EXPECT_NEAR(record.pipelines[1].p50_ms.value(), 6, 6 * kHistogram);
+  EXPECT_NEAR(record.energy_j.value(), 10 * (1 + 0.006 + 0.002), 1e-6);
+}
+
+// 4 ms of each 8 pass before the call begins.
+TEST(CallEffects, AHandOverDrawsNothingInTheFullestSecondEither) {
+  Profile profile = steady_profile();
+  for (const double sleep_ms : {0.0, 1.0}) add_handover(profile, sleep_ms, 4);
+  ScheduleOptions options;
+  options.mode = "met";
+  options.in_flight = 1;
+  const RunRecord record = run_on(kBoard, profile, R"(
+mix: m
+pipelines:
+  p: {closed_loop: {frames: 250}, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+)",
+                                  options);
+  EXPECT_NEAR(record.makespan_s, 2, 1e-6);
+  EXPECT_NEAR(record.power_highest_w.value(), record.average_power_w.value(), 1e-6);
+}
+
 // What a live run measured has it in it.
 TEST(CallEffects, RowsOfLiveRunsGetNothingAdded) {
   Profile profile = steady_profile();

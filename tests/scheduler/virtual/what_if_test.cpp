@@ -2,6 +2,7 @@
 #include "scheduler/what_if.h"
 
 #include "scheduler/frontier.h"
+#include "scheduler/record/keeping_up.h"
 #include "tests/scheduler/support.h"
 
 namespace pirt::test {
@@ -92,6 +93,46 @@ TEST(WhatIf, KnowsWhatDoesNotFitAsItIs) {
   EXPECT_EQ(found.rows[0].breaks, 1);
   EXPECT_THAT(bad_input([&] { static_cast<void>(parse_raise("camra.rate_hz", mix)); }),
               HasSubstr("did you mean camera.rate_hz"));
+}
+
+TEST(WhatIf, WarnsOfWhatItDoesNotUse) {
+  Profile profile;
+  profile.path = "p.db";
+  profile.runs.emplace_back().platform = "board";
+  for (const char* unit : {"cpu", "gpu"}) {
+    PhaseRow& row = profile.phases.emplace_back();
+    row.platform = "board";
+    row.workload = "fc8";
+    row.unit = unit;
+    row.backend = "fake";
+    row.median = row.p95 = from_ms(10);
+  }
+  profile.phases.back().reasons = {"wrong_output"};
+  const auto board = platform_of(
+      "platform: board\nunits:\n  cpu: {backend: fake, active_w: 1}\n"
+      "  gpu: {backend: fake, active_w: 1}\n");
+  const auto mix = mix_of("mix: m\npipelines: {p: {rate_hz: 20, tasks: [{workload: fc8}]}}\n");
+  const auto found =
+      what_if(board, &profile, mix, {"edf"}, parse_raise("p.rate_hz", mix), ten_seconds());
+  EXPECT_THAT(found.rows[0].warnings, testing::Contains(HasSubstr("fc8 on gpu is not used")));
+}
+
+// 200 ms at 2 W are 0.4 J; the cap leaves 0.1 J of a second.
+TEST(WhatIf, WhatIsNeverBegunDoesNotKeepUp) {
+  const auto mix = mix_of(
+      "mix: m\npipelines: {p: {closed_loop: {frames: 3}, tasks: [{name: a, service_ms: {cpu: "
+      "200}}]}}\n");
+  ScheduleOptions options;
+  options.mode = "budget";
+  options.in_flight = 1;
+  options.power_cap_w = 0.6;
+  const RunRecord record = run_virtual(platform_of(kOneCore), nullptr, mix, options);
+  EXPECT_EQ(record.stalled, 1);
+  EXPECT_FALSE(keeps_up(record));
+  const auto breakage = breakage_of(record, mix, options.power_cap_w);
+  ASSERT_TRUE(breakage);
+  EXPECT_EQ(breakage->resource, "power");
+  EXPECT_EQ(breakage->what, "1 of 1 tasks are never begun");
 }
 
 TEST(WhatIf, ADeadlineDoesNotKeepARateOnOneUnit) {
