@@ -148,13 +148,21 @@ std::vector<std::string> slot_arguments(const CloudFlags& options) {
   return arguments;
 }
 
+/// @throws Error{kBadInput} for what is no unit of this machine's.
+const Backend& computing_backend(const CloudFlags& options) {
+  if (options.unit == "nats") {
+    throw_bad_input("a worker computes itself; name cpu, or another unit of its machine");
+  }
+  return find_backend(options.unit);
+}
+
 /// A process of a worker's: what it computes may crash.
 int work_in_slot(const CloudFlags& options) {
   load(options.own.all());
-  const Backend& backend = find_backend(options.unit);
+  const Backend& backend = computing_backend(options);
   const auto bytes = static_cast<std::uint64_t>(options.cache_mb) << 20;
   const auto computer = cloud::make_device_computer(
-      backend, {.unit = options.unit, .cores = {}, .device = {}, .script = {}}, {.bytes = bytes});
+      backend, {.unit = options.unit, .cores = {}, .device = {}, .script = {}}, bytes);
   const auto own = description(options);
   const auto known = known_on(backend, own);
   return cloud::serve_computer(*computer, cloud::Admission(known, bytes)) ? 0 : kExitEnvironment;
@@ -162,7 +170,7 @@ int work_in_slot(const CloudFlags& options) {
 
 int work(const CloudFlags& options) {
   learn(options.own.all());
-  const Backend& backend = find_backend(options.unit);
+  const Backend& backend = computing_backend(options);
   if (const Probe probe = backend.probe(); !probe.available) throw_environment(probe.reason);
   const auto own = description(options);
   const auto known = known_on(backend, own);

@@ -67,9 +67,8 @@ class RuntimeElsewhereLater : public testing::Test {
     options.name = name;
     options.hello = 100ms;
     options.make_computer = [] {
-      return cloud::make_device_computer(find_backend("cpu"),
-                                         {.unit = "cpu", .cores = {}, .device = {}, .script = {}},
-                                         {.bytes = 1 << 20});
+      return cloud::make_device_computer(
+          find_backend("cpu"), {.unit = "cpu", .cores = {}, .device = {}, .script = {}}, 1 << 20);
     };
     known_.push_back(&workload);
     workers_.push_back(std::make_unique<cloud::WorkerLink>(options, std::span(&known_.back(), 1)));

@@ -164,17 +164,23 @@ class CloudKernel : public Kernel {
     const std::lock_guard lock(flight_->mutex);
     return flight_->unwanted;
   }
+  /// Nothing that is still to be sent helps.
+  [[nodiscard]] bool is_over() {
+    const std::lock_guard lock(flight_->mutex);
+    return flight_->unwanted || flight_->end;
+  }
 
   /// What is larger than a message first: who finds the task finds all of it.
   void submit() {
     task_ = link_.next_task();
     missed_ = 0;
-    const auto chunk = link_.connection().chunk_bytes();
+    const auto most_inline = link_.connection().chunk_bytes();
+    const auto chunk = link_.connection().blob_chunk_bytes();
     const std::uint64_t weights = parameters_.bytes == nullptr ? 0 : parameters_.bytes->size();
-    is_large_ = sent_.size() > chunk;
+    is_large_ = sent_.size() > most_inline;
     // What a worker answers lies on the stream when what was asked does no more.
-    const std::uint64_t moved = std::max<std::uint64_t>(is_large_ ? sent_.size() : 0,
-                                                        most_bytes_ > chunk ? most_bytes_ : 0);
+    const std::uint64_t moved = std::max<std::uint64_t>(
+        is_large_ ? sent_.size() : 0, most_bytes_ > most_inline ? most_bytes_ : 0);
     const std::string problem = link_.why_too_large(workload_.name, weights + moved);
     if (!problem.empty()) throw_environment(problem);
     if (weights > 0) message_.parameters = cloud::Blob{parameters_.digest, weights, chunk};
@@ -197,8 +203,9 @@ class CloudKernel : public Kernel {
   void put(std::string_view what, const std::string& name, cloud::ByteView bytes) {
     const Nanos begin = clock_.now();
     const std::string problem = cloud::put_blob(
-        link_.connection(), blob_at(what, name), bytes, link_.connection().chunk_bytes(),
-        [this] { return is_unwanted(); }, patience_);
+        link_.connection(), blob_at(what, name), bytes, link_.connection().blob_chunk_bytes(),
+        [this] { return is_over(); }, patience_);
+    if (is_over() && !is_unwanted()) return;  // Another worker has answered meanwhile.
     if (!problem.empty()) throw_environment(workload_.name + " was not sent: " + problem);
     link_.measure(clock_.now() - begin, bytes.size());
   }

@@ -46,8 +46,7 @@ TEST(CloudProcess, IsADeviceSlot) {
   }
   const auto known = known_workloads();
   const auto computer = make_device_computer(
-      find_backend("cpu"), {.unit = "cpu", .cores = {}, .device = {}, .script = {}},
-      {.bytes = kCacheBytes});
+      find_backend("cpu"), {.unit = "cpu", .cores = {}, .device = {}, .script = {}}, kCacheBytes);
   serve_computer(*computer, Admission(known, std::uint64_t{512} << 20));
 }
 
@@ -460,7 +459,8 @@ TEST_F(CloudHostile, HearsNothingOfHeadersOddNamesAndWrongLengths) {
   raw.send(fmt::format("PUB pirt.offer.{} {}\r\n{}\r\n", longest, offer.size(), offer));
   raw.flush();
   EXPECT_TRUE(eventually([&] { return worker_->counts().malformed > before.malformed; }));
-  for (const char c : worker_->problem()) EXPECT_TRUE(c >= ' ' && c <= '~') << worker_->problem();
+  for (const char c : worker_->connection().problem())
+    EXPECT_TRUE(c >= ' ' && c <= '~') << worker_->connection().problem();
   // Headers as large as a message may be: an offer of another, and a task.
   const std::string head = "NATS/1.0\r\nx: " + std::string(900'000, 'y') + "\r\n\r\n";
   for (const std::string to : {"pirt.offer.other", "pirt.cancel.other"}) {

@@ -2,6 +2,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
+#include <random>
+
 #include "nats_simulation.h"
 #include "tests/support/long.h"
 
@@ -306,6 +309,51 @@ TEST_F(CloudHedges, AskASecondWorkerAndCancelTheLoser) {
   EXPECT_EQ(hedging_.counts().hedged, 1);
 }
 
+TEST_F(CloudHedges, ARefusalIsNoEndWhileAnotherComputes) {
+  const auto all = [](const TaskId&) { return true; };
+  hedging_.link_up(Nanos(0));
+  hedging_.worker_heard(kWorker, Nanos(0));
+  hedging_.submit(kTask, "kind", {}, Nanos(0));
+  hedging_.claimed(kWorker, all, Nanos(0));
+  hedging_.wake(milliseconds(20));
+  hedging_.claimed(kOther, all, milliseconds(21));
+  said();
+  hedging_.replied({.task = kTask, .send = 2, .kind = ReplyKind::kRefused, .worker = "x"},
+                   milliseconds(22));
+  EXPECT_THAT(said(), IsEmpty());
+  hedging_.replied({.task = kTask, .send = 1, .worker = "w"}, milliseconds(30));
+  EXPECT_THAT(said(), ElementsAre("done"));
+}
+
+// Calls that were hedged are as long as they were: without them the 95th of 100 falls and falls.
+TEST_F(CloudHedges, AfterTheP95StayFew) {
+  const auto all = [](const TaskId&) { return true; };
+  CallerLimits limits;
+  limits.hedge_p95 = true;
+  Caller caller(*this, limits, 1);
+  caller.link_up(Nanos(0));
+  std::minstd_rand random(1);
+  const auto takes = [&] { return milliseconds(1 + random() % 100); };
+  Nanos now{0};
+  for (std::uint64_t i = 1; i <= 3000; ++i) {
+    const TaskId task{1, i};
+    caller.submit(task, "kind", {}, now);
+    caller.claimed(kWorker, all, now);
+    Nanos done = now + takes();
+    std::uint32_t send = 1;
+    if (const Nanos wake = caller.next_wake(); wake < done) {
+      caller.wake(wake);
+      caller.claimed(kOther, all, wake);
+      const Nanos second = wake + takes();
+      if (second < done) done = second, send = 2;
+    }
+    caller.replied({.task = task, .send = send, .worker = "w"}, done);
+    now = done + milliseconds(1);
+  }
+  EXPECT_GE(caller.counts().hedged, 60);
+  EXPECT_LE(caller.counts().hedged, 300);
+}
+
 class CloudDesk : public ::testing::Test {
  protected:
   /// Whom it asks, "" = nobody.
@@ -438,6 +486,32 @@ TEST_F(CloudDesk, ALateTaskIsTakenOnceWhereASlotIsFree) {
   EXPECT_TRUE(desk_.take("a", 1, 0, seconds(4)));
   desk_.finished("a", seconds(1), false, seconds(5));
   EXPECT_FALSE(desk_.take("a", 1, 0, seconds(5))) << "once";
+}
+
+// As two robots that both have the default's name.
+TEST_F(CloudDesk, AsksTheRunsOfARobotInTurns) {
+  std::map<std::uint64_t, int> served;
+  Nanos now{0};
+  for (int i = 0; i < 10; ++i) {
+    for (const std::uint64_t run : {1, 2}) desk_.offered("a", run, 100, now);
+    const auto claim = desk_.claim(now);
+    ASSERT_TRUE(claim);
+    ASSERT_TRUE(desk_.take("a", claim->run, 99, now));
+    now += milliseconds(10);
+    desk_.finished("a", milliseconds(10), false, now);
+    ++served[claim->run];
+  }
+  EXPECT_EQ(served[1], 5);
+  EXPECT_EQ(served[2], 5);
+}
+
+TEST_F(CloudDesk, ATaskIsNoAnswerToAnotherClaim) {
+  Desk desk(DeskLimits{.slots = 2});
+  desk.offered("a", 1, 2, Nanos(0));
+  EXPECT_TRUE(desk.claim(Nanos(0)));
+  EXPECT_TRUE(desk.claim(Nanos(0)));
+  EXPECT_TRUE(desk.take("a", 1, 0, milliseconds(1))) << "nothing more waits now,";
+  EXPECT_TRUE(desk.take("a", 1, 0, milliseconds(2))) << "and something else is asked for";
 }
 
 TEST_F(CloudDesk, LeavesSlotsForOthersThatAreThere) {

@@ -118,7 +118,7 @@ TEST_F(CloudPermissions, LetARobotAndAWorkerDoAllThatTheyNeed) {
     const auto kernel = device->prepare(*each, parameters_of(*each, parameter));
     EXPECT_EQ(call_and_check(*kernel, *each, {.value = 5}, parameter), "") << each->name;
   }
-  EXPECT_EQ(worker.problem(), "");
+  EXPECT_EQ(worker.connection().problem(), "");
   EXPECT_EQ(server_->log().find("Violation"), std::string::npos) << server_->log();
 }
 

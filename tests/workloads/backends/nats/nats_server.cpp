@@ -252,10 +252,10 @@ class AddingComputer : public Computer {
     int more = 1;
     if (call.task.parameters) {
       auto& known = parameters_[{call.task.spec, call.task.parameters->digest}];
+      if (known.empty()) known.assign(call.parameters.begin(), call.parameters.end());
       if (known.empty()) {
-        auto bytes = call.parameters(reply);
-        if (!bytes) return;
-        known = std::move(*bytes);
+        reply.kind = ReplyKind::kMissing;
+        return;
       }
       const auto tensors = decode_tensors(known, call.workload->parameters);
       more += tensors.value->at(0).as<std::uint8_t>()[0];

@@ -179,7 +179,7 @@ TEST_F(CloudServer, SendsParametersOnce) {
     EXPECT_EQ(call_and_check(*five, weighed_, {.value = 3}, 5), "");
   }
   EXPECT_EQ(worker->counts().ended(ReplyKind::kMissing), 1);
-  EXPECT_EQ(messages(), 3) << "1.5 MB in chunks of 512 KiB, which stay for others";
+  EXPECT_EQ(messages(), 12) << "1.5 MB in chunks of 128 KiB, which stay for others";
   EXPECT_EQ(call_and_check(*six, weighed_, {.value = 3}, 6), "");
   EXPECT_EQ(worker->counts().ended(ReplyKind::kMissing), 2);
 }
@@ -539,8 +539,8 @@ TEST_F(CloudServer, NamesAPeerOfAnotherProtocol) {
   const std::string why = "protocol 1, and this pirt speaks 2: give robots and workers the same";
   EXPECT_TRUE(eventually([&] {
     other.publish("pirt.offer.old", offer);
-    return worker->problem().find("robot old: " + why) != std::string::npos;
-  })) << worker->problem();
+    return worker->connection().problem().find("robot old: " + why) != std::string::npos;
+  })) << worker->connection().problem();
 }
 
 /// What an administrator gave too little of is named, with the remedy.
@@ -642,6 +642,9 @@ TEST_F(CloudLimits, AServerOfSmallMessagesServes) {
   const WorkerLink worker(options, known);
   const auto device = open_unit(server.url());
   EXPECT_EQ(call_and_check(*device->prepare(large, {}), large, {.value = 1}), "");
+  // Without patience what is there serves all the same.
+  const auto hasty = open_unit(server.url(), "", 0);
+  EXPECT_EQ(call_and_check(*hasty->prepare(large, {}), large, {.value = 2}), "");
 }
 
 }  // namespace

@@ -8,8 +8,10 @@
 #include "tests/support/data.h"
 #include "workloads/backends/nats/robot/caller.h"
 #include "workloads/backends/nats/service/computer.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/math/random.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/recognition/scene_workload.h"
 #include "workloads/vision/vision.h"
 
@@ -127,8 +129,8 @@ TEST(CloudWire, TextsThatArriveArePrintable) {
   const auto reply =
       decode_as<ReplyMessage>(encode(ReplyMessage{.worker = "w\x1b[2J\n", .problem = "\xff\xfe"}));
   ASSERT_TRUE(reply.value);
-  EXPECT_EQ(reply.value->worker, "w?[2J?");
-  EXPECT_EQ(reply.value->problem, "??");
+  EXPECT_EQ(reply.value->worker, "w [2J ");
+  EXPECT_EQ(reply.value->problem, "  ");
 }
 
 TEST(CloudWire, DurationsThatArriveAreInRange) {
@@ -232,6 +234,61 @@ TEST(CloudWire, SizesFollowFromTheSpec) {
   EXPECT_THAT(refused([](TaskMessage& t) { t.parameters.reset(); }), HasSubstr("or none"));
   EXPECT_THAT(Admission(known, 100).admit(task).problem,
               HasSubstr("MB of tensors, and may have 0 here (pirt cloud-worker --cache-mb)"));
+  EXPECT_EQ(admission.known().size(), 1U);
+  EXPECT_TRUE(Admission(known, 100).known().empty()) << "no robot gives it what it has no room for";
+}
+
+/// Adds a number to bytes.
+class AddKernel : public Kernel {
+ public:
+  explicit AddKernel(int more) : more_(more) {}
+  void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
+    from_ = inputs[0].as<std::uint8_t>();
+    to_ = outputs[0].as<std::uint8_t>();
+  }
+  std::optional<Nanos> execute(int) override {
+    std::ranges::transform(from_, to_.begin(),
+                           [this](auto x) { return static_cast<std::uint8_t>(x + more_); });
+    return std::nullopt;
+  }
+
+ private:
+  int more_;
+  std::span<const std::uint8_t> from_;
+  std::span<std::uint8_t> to_;
+};
+
+// Of one file: the same tensors, the same digest.
+TEST(CloudComputer, OwnWorkloadsOfOneFileAreTwo) {
+  const auto adding = [](const std::string& name, int more) {
+    auto operation = std::make_shared<OwnOperation>();
+    operation->digest = "one file";
+    operation->backends = {"cpu"};
+    operation->cpu = [more](std::span<const Tensor>, int) {
+      return std::make_unique<AddKernel>(more);
+    };
+    Workload workload;
+    workload.name = name;
+    workload.kernel = kOwnKernel;
+    workload.inputs = {{"x", Element::kU8, {4}}};
+    workload.outputs = {{"y", Element::kU8, {4}}};
+    workload.operation = operation;
+    return workload;
+  };
+  const auto computer = make_device_computer(
+      find_backend("cpu"), {.unit = "cpu", .cores = {}, .device = {}, .script = {}}, kRoom);
+  const std::string robot = "r";
+  for (const auto& [name, more] : {std::pair("mine.one", 1), {"mine.two", 2}, {"mine.one", 1}}) {
+    const Workload workload = adding(name, more);
+    const TaskMessage task = task_of(workload, make_tensors(workload.inputs));
+    ReplyMessage reply;
+    computer->compute(
+        {.robot = robot, .task = task, .workload = std::make_shared<const Workload>(workload)},
+        reply);
+    const auto outputs = decode_tensors(std::get<Bytes>(reply.outputs), workload.outputs);
+    ASSERT_TRUE(outputs.value) << outputs.problem;
+    EXPECT_EQ(outputs.value->at(0).as<std::uint8_t>()[0], more) << name;
+  }
 }
 
 TEST(CloudWire, ValuesAreInTheirSpecsRanges) {

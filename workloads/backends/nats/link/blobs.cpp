@@ -44,9 +44,9 @@ bool in_window(std::uint32_t count, const Work& work) {
 Connection::Answer ask(Connection& connection, const std::string& subject, ByteView data,
                        const std::function<bool()>& stop, Nanos no_step) {
   const MachineClock clock;
-  for (const Nanos begin = clock.now(); !stop() && clock.now() - begin < no_step;) {
+  for (const Nanos begin = clock.now(); !stop();) {
     auto answer = connection.request(subject, data);
-    if (answer.came) return answer;
+    if (answer.came || clock.now() - begin >= no_step) return answer;
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
   return {};
@@ -71,11 +71,13 @@ std::string put_blob(Connection& connection, const std::string& prefix, ByteView
   const bool all = in_window(count, [&](std::uint32_t number) {
     const auto answer = ask(connection, prefix + "." + std::to_string(number),
                             part(bytes, chunk_bytes, number), stop, no_step);
-    const std::string why = answer.came
-                                ? read_answer(answer).why
-                                : "nothing stored what was sent to " + prefix +
-                                      ".N; is the server there, and "
-                                      "may this user say that (pirt cloud-admin permissions)?";
+    const std::string why =
+        answer.came ? read_answer(answer).why
+                    : fmt::format(
+                          "nothing said within {:.3g} s that it stored what was sent to "
+                          "{}.N; is the server there, the link fast enough, and may this "
+                          "user say that (pirt cloud-admin permissions)?",
+                          to_s(no_step), prefix);
     if (why.empty()) return true;
     const std::lock_guard lock(mutex);
     if (problem.empty()) problem = why;

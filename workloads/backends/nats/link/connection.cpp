@@ -41,13 +41,7 @@ void throw_unless(natsStatus status, const std::string& what) {
   throw_environment(what + std::string(why));
 }
 
-struct DestroyOptions {
-  void operator()(natsOptions* options) const { natsOptions_Destroy(options); }
-};
-struct DestroyMessage {
-  void operator()(natsMsg* message) const { natsMsg_Destroy(message); }
-};
-using MessagePtr = std::unique_ptr<natsMsg, DestroyMessage>;
+using MessagePtr = std::unique_ptr<natsMsg, decltype([](natsMsg* m) { natsMsg_Destroy(m); })>;
 
 ByteView data_of(natsMsg* message) {
   return {reinterpret_cast<const std::byte*>(natsMsg_GetData(message)),
@@ -88,11 +82,12 @@ struct Connection::State {
   ConnectionOptions options;
   Events events;
   std::atomic<bool> up = false;
+  std::atomic<std::size_t> most_payload = kStandardPayload;  ///< Of the last connection.
 
   std::mutex mutex;  ///< Of what follows.
   std::condition_variable_any changed;
   std::shared_ptr<natsConnection> handle;        ///< Null while there is none.
-  std::string why_down;                          ///< What the last try came to.
+  std::string why_down, problem;                 ///< What the last try came to; as problem().
   std::vector<Wanted> wanted;                    ///< What is subscribed to,
   std::vector<natsSubscription*> subscriptions;  ///< and how, over the handle.
   bool lost = false;                             ///< The handle.
@@ -102,8 +97,11 @@ struct Connection::State {
     const std::lock_guard lock(mutex);
     return handle;
   }
-  void say(const std::string& problem) const {
-    if (events.problem) events.problem(problem);
+  void note(std::string_view what) {
+    const std::lock_guard lock(mutex);
+    problem = what.substr(0, 500);
+    std::ranges::replace_if(
+        problem, [](char c) { return c < ' ' || c > '~'; }, ' ');
   }
 
   static void on_closed(natsConnection*, void* closure) {
@@ -118,7 +116,7 @@ struct Connection::State {
     const char* last = nullptr;
     const bool none = natsConnection_GetLastError(connection, &last) == NATS_OK || last == nullptr;
     (*static_cast<std::shared_ptr<State>*>(closure))
-        ->say(
+        ->note(
             fmt::format("{}{}{}", natsStatus_GetText(status), none ? "" : ": ", none ? "" : last));
   }
   static void on_message(natsConnection*, natsSubscription*, natsMsg* raw, void* closure) {
@@ -129,7 +127,7 @@ struct Connection::State {
     try {  // The library is C: nothing may be thrown through it.
       subscription.handler({natsMsg_GetSubject(raw), reply == nullptr ? "" : reply, data_of(raw)});
     } catch (const std::exception& error) {
-      subscription.state->say(std::string("a message was dropped: ") + error.what());
+      subscription.state->note(std::string("a message was dropped: ") + error.what());
     }
   }
   static void on_complete(void* closure) {
@@ -147,7 +145,7 @@ struct Connection::State {
 
 namespace {
 
-using Options = std::unique_ptr<natsOptions, DestroyOptions>;
+using Options = std::unique_ptr<natsOptions, decltype([](auto* o) { natsOptions_Destroy(o); })>;
 
 Options make_options(const ConnectionOptions& options) {
   natsOptions* raw = nullptr;
@@ -205,6 +203,9 @@ void Connection::State::open(const std::shared_ptr<State>& self) {
   }
   throw_unless(natsConnection_Connect(&connection, made.get()), "");
   static_cast<void>(closure.release());  // on_closed deletes it
+  if (const std::int64_t most = natsConnection_GetMaxPayload(connection); most > 0) {
+    most_payload = static_cast<std::size_t>(most);
+  }
   const std::lock_guard lock(mutex);
   handle.reset(connection, natsConnection_Destroy);
   for (const Wanted& each : wanted) subscribe(self, each);
@@ -328,6 +329,13 @@ std::string Connection::why_down() const {
   return (said.empty() ? "" : said + "; ") + std::string(known->remedy);
 }
 
+std::string Connection::problem() const {
+  const std::lock_guard lock(state_->mutex);
+  return state_->problem;
+}
+
+void Connection::note(const std::string& problem) { state_->note(problem); }
+
 std::string Connection::why_no_chunks() const {
   return fmt::format("max_payload of the server is {} bytes; give it {} or more", most_payload(),
                      kLeastPayload);
@@ -360,16 +368,17 @@ Connection::Answer Connection::request(const std::string& subject, ByteView data
   return {true, status_of(answer), Bytes(bytes.begin(), bytes.end())};
 }
 
-std::size_t Connection::most_payload() const {
-  const auto handle = state_->current();
-  const std::int64_t most = handle != nullptr ? natsConnection_GetMaxPayload(handle.get()) : 0;
-  return most > 0 ? static_cast<std::size_t>(most) : kStandardPayload;
-}
+std::size_t Connection::most_payload() const { return state_->most_payload; }
 
 std::uint32_t Connection::chunk_bytes() const {
   const std::size_t most = most_payload();
   return most < kLeastPayload ? 0
                               : static_cast<std::uint32_t>(std::min(most - kHead, kLargestChunk));
+}
+
+std::uint64_t new_id() {
+  std::random_device device;
+  return (std::uint64_t{device()} << 32) | device();
 }
 
 }  // namespace pirt::cloud

@@ -5,6 +5,7 @@
 // is said as a problem. Nothing is heard of any once the destructor has returned.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -57,7 +58,6 @@ class Connection {
   using Handler = std::function<void(const Incoming&)>;
   struct Events {
     std::function<void()> up = {}, down = {};
-    std::function<void(const std::string&)> problem = {};  ///< What the server complains of.
   };
 
   /// Returns at once, whether or not there is a server: `up` is called when there is.
@@ -72,6 +72,10 @@ class Connection {
   [[nodiscard]] bool is_up() const;
   /// Why it is not up, as the server or the library says it, with the remedy; empty if it is.
   [[nodiscard]] std::string why_down() const;
+  /// What the server complained of last, or what was wrong with a message; empty = nothing. One
+  /// line of printable characters, whoever wrote it.
+  [[nodiscard]] std::string problem() const;
+  void note(const std::string& problem);
   /// More than @p most_bytes that wait for the handler are not taken: no sender fills the memory.
   /// Nor are messages with headers.
   void subscribe(const std::string& subject, Handler handler,
@@ -97,6 +101,11 @@ class Connection {
   /// Of a message's data that is certain to fit with its head; 0 where the server's max_payload is
   /// too small for robots and workers.
   [[nodiscard]] std::uint32_t chunk_bytes() const;
+  /// The same of a blob's: some are under way at a time, and each has to be answered within kAnswer
+  /// over a slow link too.
+  [[nodiscard]] std::uint32_t blob_chunk_bytes() const {
+    return std::min<std::uint32_t>(chunk_bytes(), 128 << 10);
+  }
   static constexpr std::size_t kLeastPayload = std::size_t{64} << 10;
   /// What to say of that, with the remedy.
   [[nodiscard]] std::string why_no_chunks() const;
@@ -106,6 +115,9 @@ class Connection {
   std::shared_ptr<State> state_;
   std::jthread keeper_;  ///< Makes another one where the library has given it up.
 };
+
+/// Random: of a run of a robot's program, or a start of a worker's.
+[[nodiscard]] std::uint64_t new_id();
 
 [[nodiscard]] inline std::string_view text_of(ByteView bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};

@@ -81,9 +81,9 @@ void Caller::replied(const ReplyMessage& reply, Nanos now) {
   Entry& entry = at->second;
   const auto given = std::ranges::find(entry.given, reply.send, &Given::send);
   if (reply.kind == ReplyKind::kDone) {  // Of whatever send: it is what was asked for.
-    if (given != entry.given.end() && entry.given.size() == 1) {
+    if (given != entry.given.end()) {    // Since the first one that has it was asked.
       auto& took = took_[entry.kind];
-      took.push_back(now - given->since);
+      took.push_back(now - std::ranges::min(entry.given, {}, &Given::since).since);
       if (took.size() > kManyCalls) took.pop_front();
     }
     return end(at, CallEndKind::kDone, "", &reply);
@@ -98,6 +98,7 @@ void Caller::replied(const ReplyMessage& reply, Nanos now) {
   const std::string problem = fmt::format("worker {}: {}", reply.worker, reply.problem);
   switch (reply.kind) {
     case ReplyKind::kRefused:
+      if (!entry.given.empty()) return;  // Another one computes it.
       return end(at, CallEndKind::kRefused,
                  fmt::format("worker {} refused it: {}", reply.worker, reply.problem), nullptr);
     case ReplyKind::kExpired:

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <random>
 #include <utility>
 
 #include "workloads/backends/nats/wire/subjects.h"
@@ -24,19 +23,6 @@ constexpr std::size_t kMostReply = std::numeric_limits<std::size_t>::max();  ///
 constexpr std::size_t kSmall = 64 << 10;
 /// Of what is measured, in what is known from before.
 constexpr double kNew = 0.25;
-
-std::uint64_t new_run() {
-  std::random_device device;
-  return (std::uint64_t{device()} << 32) | device();
-}
-
-ConnectionOptions robot_connection(const RobotOptions& options) {
-  check_robot_name(options.robot);
-  ConnectionOptions connection = options.connection;
-  connection.name = "pirt robot " + options.robot;
-  connection.inbox = "_INBOX_" + options.robot;
-  return connection;
-}
 
 /// As what @p known_by says, where the name alone does not.
 bool knows(const HelloMessage& worker, const std::string& workload,
@@ -80,15 +66,18 @@ template <typename Said>
 void RobotLink::subscribe(const std::string& subject, std::size_t most_bytes,
                           void (RobotLink::*handler)(const Said&)) {
   connection_->subscribe(subject, [=, this](const Incoming& message) {
-    if (message.data.size() > most_bytes) return note("a worker says more than it may");
+    if (message.data.size() > most_bytes) return connection_->note("a worker says too much");
     const auto said = decode_as<Said>(message.data);
     if (said.value) return (this->*handler)(*said.value);
-    note("a worker says what cannot be read: " + said.problem);
+    connection_->note("a worker says what cannot be read: " + said.problem);
   });
 }
 
 RobotLink::RobotLink(const RobotOptions& options)
-    : options_(options), run_(new_run()), caller_(*this, options.limits, run_) {
+    : options_(options), caller_(*this, options.limits, run_) {
+  check_robot_name(options_.robot);
+  options_.connection.name = "pirt robot " + options_.robot;
+  options_.connection.inbox = "_INBOX_" + options_.robot;
   Connection::Events events;
   events.up = [this] { with_caller([this](Nanos now) { ask_at_ = now; }); };
   events.down = [this] {
@@ -97,8 +86,7 @@ RobotLink::RobotLink(const RobotOptions& options)
       caller_.link_down();
     });
   };
-  events.problem = [this](const std::string& problem) { note(problem); };
-  connection_ = std::make_unique<Connection>(robot_connection(options_), std::move(events));
+  connection_ = std::make_unique<Connection>(options_.connection, std::move(events));
   subscribe(subject("claim", options_.robot), kMostHello, &RobotLink::claimed);
   subscribe(subject("answer", options_.robot), kMostReply, &RobotLink::replied);
   subscribe(kHelloSubject, kMostHello, &RobotLink::heard_hello);
@@ -133,15 +121,10 @@ void RobotLink::serve(const std::stop_token& stop) {
       changed_.wait_for(lock, stop, left,
                         [&] { return std::min(caller_.next_wake(), ask_at_) < until; });
     } catch (const std::exception& error) {  // Such as no memory: it goes on.
-      note(error.what());
+      connection_->note(error.what());
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
   }
-}
-
-void RobotLink::note(const std::string& problem) {
-  const std::lock_guard lock(mutex_);
-  problem_ = problem;
 }
 
 /// Without a stream of its own nothing large would ever get to a worker.
@@ -315,11 +298,12 @@ bool RobotLink::wait_until_up(Nanos most) {
 std::string RobotLink::why_down() const {
   const std::string server = "server " + public_url(options_.connection.server);
   if (!connection_->is_up()) return "no connection to " + server + ": " + connection_->why_down();
+  const std::string problem = connection_->problem();
   const std::lock_guard lock(mutex_);
   if (caller_.is_up(clock_.now())) return "";
   if (!no_stream_.empty()) return server + ": " + no_stream_;
-  if (!problem_.empty() && workers_.empty()) {
-    return "nothing was heard of a worker at " + server + " (" + problem_ + ")";
+  if (!problem.empty() && workers_.empty()) {
+    return "nothing was heard of a worker at " + server + " (" + problem + ")";
   }
   return "no worker is at " + server + "; start one (pirt cloud-worker --server " +
          public_url(options_.connection.server) + ")";
@@ -356,7 +340,10 @@ std::string RobotLink::why_not(const Workload& workload) const {
     if (knows(worker.said, kind.name, kind.known_by)) return "";
     why = knows(worker.said, kind.name, {})
               ? fmt::format("{} has another {}: {}", who, kind.name, kind.differs)
-              : fmt::format("{} does not know {}{}", who, kind.name, kind.missing);
+              : fmt::format("{} does not know {}{}", who, kind.name,
+                            kind.missing.empty()
+                                ? ", or has no room for it (pirt cloud-worker --cache-mb)"
+                                : kind.missing);
   }
   return why;
 }

@@ -120,13 +120,12 @@ class RobotLink : private CallerEvents {
   void claimed(const ClaimMessage& claim);
   void replied(const ReplyMessage& reply);
   void heard_hello(const HelloMessage& hello);
-  void note(const std::string& problem);
   template <typename Said>
   void subscribe(const std::string& subject, std::size_t most_bytes,
                  void (RobotLink::*handler)(const Said&));
 
   RobotOptions options_;
-  std::uint64_t run_ = 0;
+  std::uint64_t run_ = new_id();
   std::atomic<std::uint64_t> number_ = 0;
   MachineClock clock_;
 
@@ -139,7 +138,6 @@ class RobotLink : private CallerEvents {
   bool saying_ = false;                             ///< Some thread publishes them.
   Nanos ask_at_ = Nanos::max();                     ///< For the robot's stream.
   LinkEstimate estimate_;
-  std::string problem_;
   std::int64_t stream_bytes_ = 0;  ///< That its stream may have; below 1 = any number.
   std::string no_stream_;          ///< Why there is none, with the remedy; empty = there is.
   std::map<std::uint64_t, Worker> workers_;  ///< That are not silent, by instance.

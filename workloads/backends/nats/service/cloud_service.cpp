@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <thread>
+#include <utility>
 
 #include "workloads/base/error.h"
 
@@ -12,7 +13,8 @@ namespace {
 
 constexpr Nanos kLook = std::chrono::milliseconds(100);
 constexpr Nanos kPatience = std::chrono::seconds(5);
-constexpr Nanos kQuiet = std::chrono::seconds(5);  ///< Between what robots do wrong.
+constexpr Nanos kSettling = std::chrono::seconds(1);  ///< Of a link that came or went.
+constexpr Nanos kQuiet = std::chrono::seconds(5);     ///< Between what robots do wrong.
 
 std::string counted(const WorkerCounts& counts) {
   const auto of = [&](ReplyKind how) { return counts.ended(how); };
@@ -24,20 +26,23 @@ std::string counted(const WorkerCounts& counts) {
       counts.malformed);
 }
 
-/// Once there is a link. Where an administrator makes the streams, a worker may not; and what is
-/// there is the administrator's.
-void look_at_server(Connection& connection, const ServiceEvents& events) {
-  if (connection.chunk_bytes() == 0) throw_environment(connection.why_no_chunks());
-  const std::string first = "$JS.API.STREAM.INFO.PIRT_" + Setup{}.robots[0];
-  const auto answer = connection.request(first, "", std::chrono::seconds(1));
-  if (!answer.came) return;
-  const StreamAnswer stream = read_answer(answer);
-  if (stream.error == 0) return;
+/// Whenever there is a link. Where an administrator makes the streams, a worker may not; and what
+/// is there is the administrator's.
+/// @param again  Nothing is thrown: the server may be another one tomorrow.
+void look_at_server(Connection& connection, const ServiceEvents& events, bool again) {
+  bool ends = !again;
   try {
+    if (connection.chunk_bytes() == 0) throw_environment(connection.why_no_chunks());
+    const std::string first = "$JS.API.STREAM.INFO.PIRT_" + Setup{}.robots[0];
+    const auto answer = connection.request(first, "", std::chrono::seconds(1));
+    if (!answer.came) return;
+    const StreamAnswer stream = read_answer(answer);
+    if (stream.error == 0) return;
+    ends = ends && stream.error != kNoStream;  // Robots of other names may have theirs.
     for (const std::string& line : set_up(connection, {})) events.say(line);
   } catch (const Error& error) {
-    if (stream.error != kNoStream) throw;  // Such as no JetStream at all.
-    events.say(error.what());              // Robots of other names may have theirs.
+    if (ends) throw;  // Such as no JetStream at all.
+    events.say(error.what());
   }
 }
 
@@ -49,23 +54,23 @@ void serve(const WorkerOptions& options, std::span<const Workload* const> worklo
   Connection& connection = worker.connection();
   const std::string server = public_url(options.connection.server);
   const MachineClock clock;
-  Nanos quiet_until{0};
-  bool was_up = false, checked = false;
+  Nanos quiet_until = clock.now() + kSettling;
+  bool was_up = false, was_ever_up = false;
   std::string said;
   while (!events.stop()) {
     const bool up = connection.is_up();
     if (up != was_up) {
       events.say((up ? "connected to " : "lost ") + server);
       was_up = up;
+      quiet_until = clock.now() + kSettling;
+      if (up) look_at_server(connection, events, was_ever_up);
+      if (up && !std::exchange(was_ever_up, true)) {
+        events.say(fmt::format("worker {} with {} slot{}", options.name, options.limits.slots,
+                               options.limits.slots == 1 ? "" : "s"));
+      }
     }
-    if (up && !checked) {
-      checked = true;
-      look_at_server(connection, events);
-      events.say(fmt::format("worker {} with {} slot{}", options.name, options.limits.slots,
-                             options.limits.slots == 1 ? "" : "s"));
-    }
-    std::string why = up ? worker.problem() : connection.why_down();
-    if (why != said && (!up || clock.now() >= quiet_until)) {
+    std::string why = up ? connection.problem() : connection.why_down();
+    if (why != said && clock.now() >= quiet_until) {
       if (!why.empty()) events.say(up ? why : server + ": " + why);
       quiet_until = clock.now() + kQuiet;
       said = std::move(why);

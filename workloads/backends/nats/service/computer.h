@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -19,8 +20,7 @@ struct Call {
   const std::string& robot;
   const TaskMessage& task;  ///< Its inputs are in it.
   std::shared_ptr<const Workload> workload;
-  /// The parameters' bytes; absent with @p why as the reply has it where they are not to be had.
-  std::function<std::optional<Bytes>(ReplyMessage& why)> parameters;
+  ByteView parameters = {};                           ///< Empty as long as they were not missed.
   std::function<bool()> stop = [] { return false; };  ///< The worker ends.
 
   [[nodiscard]] ByteView inputs() const { return std::get<Bytes>(task.inputs); }
@@ -29,11 +29,14 @@ struct Call {
 class Computer {
  public:
   virtual ~Computer() = default;
-  /// @param reply  Gets its kind, problem, outputs and time.
+  /// @param reply  Gets its kind, problem, outputs and time; kMissing: it needs the parameters.
   /// @throws std::exception if it did not work: a try that failed.
   virtual void compute(const Call& call, ReplyMessage& reply) = 0;
-  /// Whether the last call ended the process that computed it.
-  [[nodiscard]] virtual bool is_gone() const { return false; }
+};
+
+/// The call ended the process that computed it.
+struct ProcessGone : std::runtime_error {
+  using std::runtime_error::runtime_error;
 };
 
 /// What a worker computes: workloads that it knows, with the sizes that it knows, or those that its
@@ -46,7 +49,7 @@ class Admission {
   Admission(std::span<const Workload* const> workloads, std::uint64_t call_bytes);
 
   [[nodiscard]] Decoded<std::shared_ptr<const Workload>> admit(const TaskMessage& task) const;
-  /// What the worker announces.
+  /// What the worker announces: what it has room for.
   [[nodiscard]] std::vector<HelloMessage::Known> known() const;
 
  private:
@@ -55,19 +58,14 @@ class Admission {
 };
 
 /// On a device of this machine, with the one cache of a worker: of parameters and kernels together.
-struct Kept {
-  /// Of parameters and kernels, by what the process holds of memory for them. The robot that has
-  /// the most loses what it used longest ago.
-  std::uint64_t bytes = std::uint64_t{512} << 20;
-  std::size_t kernels = 64;  ///< Of a robot.
-};
-
 /// Opens the device. Of the thread that made it.
-/// @param backend  Outlives it.
+/// @param backend     Outlives it.
+/// @param kept_bytes  Of parameters and kernels, by what the process holds of memory for them. The
+///                    robot that has the most loses what it used longest ago.
 /// @throws As Backend::open.
 [[nodiscard]] std::unique_ptr<Computer> make_device_computer(const Backend& backend,
                                                              const UnitRequest& request,
-                                                             const Kept& kept);
+                                                             std::uint64_t kept_bytes);
 
 /// In a process of its own: a kernel that crashes, or takes too long, takes a try, and not the
 /// worker.
@@ -91,8 +89,5 @@ struct SlotProgram {
 /// @param admission  Judges a call once more: the process trusts nobody either.
 /// @return  Whether it ended where a call ends.
 bool serve_computer(Computer& computer, const Admission& admission, int line = kSlotDescriptor);
-
-/// In one line, of printable characters.
-[[nodiscard]] std::string one_line(std::string text);
 
 }  // namespace pirt::cloud

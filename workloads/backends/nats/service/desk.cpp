@@ -29,7 +29,7 @@ Desk::Robot& Desk::robot_of(const std::string& name, Nanos now) {
   return robot;
 }
 
-void Desk::offered(const std::string& name, std::uint64_t run, std::uint32_t waiting, Nanos now) {
+void Desk::hear(const std::string& name, std::uint64_t run, std::uint32_t waiting, Nanos now) {
   Robot& robot = robot_of(name, now);
   if (!robot.runs.contains(run) && robot.runs.size() >= limits_.most_runs) {
     robot.runs.erase(std::ranges::min_element(robot.runs, {},
@@ -38,6 +38,11 @@ void Desk::offered(const std::string& name, std::uint64_t run, std::uint32_t wai
   Run& state = robot.runs[run];
   state.waiting = waiting;
   state.heard = now;
+}
+
+/// Nothing waits: so a run answers a claim that it has no task for.
+void Desk::offered(const std::string& name, std::uint64_t run, std::uint32_t waiting, Nanos now) {
+  hear(name, run, waiting, now);
   if (const auto asked = find_claim(name, run); waiting == 0 && asked != asked_.end()) {
     answered(asked, now);
   }
@@ -50,20 +55,25 @@ std::optional<Desk::Claim> Desk::claim(Nanos now) {
       robots_, [&](const auto& each) { return each.second.heard + limits_.active >= now; });
   const auto share = (limits_.slots + std::max<std::ptrdiff_t>(active, 1) - 1) /
                      std::max<std::ptrdiff_t>(active, 1);
-  const auto runs_of = [&](Robot& robot) {
-    return std::ranges::find_if(robot.runs, [&](const auto& each) {
-      return each.second.waiting > 0 && each.second.heard + limits_.offer >= now;
-    });
+  // Of a robot's runs, the one that was asked longest ago.
+  const auto run_of = [&](Robot& robot) {
+    auto next = robot.runs.end();
+    for (auto at = robot.runs.begin(); at != robot.runs.end(); ++at) {
+      const bool waits = at->second.waiting > 0 && at->second.heard + limits_.offer >= now;
+      if (waits && (next == robot.runs.end() || at->second.asked < next->second.asked)) next = at;
+    }
+    return next;
   };
   std::pair<const std::string, Robot>* next = nullptr;
   for (auto& each : robots_) {
-    if (each.second.slots >= share || runs_of(each.second) == each.second.runs.end()) continue;
+    if (each.second.slots >= share || run_of(each.second) == each.second.runs.end()) continue;
     const auto order = [](const Robot& robot) { return std::tuple(robot.slots, robot.used); };
     if (next == nullptr || order(each.second) < order(next->second)) next = &each;
   }
   if (next == nullptr) return std::nullopt;
-  auto& [run, state] = *runs_of(next->second);
+  auto& [run, state] = *run_of(next->second);
   --state.waiting;
+  state.asked = now;
   ++next->second.slots;
   asked_.push_back({{next->first, run}, now});
   return asked_.back().claim;
@@ -101,7 +111,7 @@ bool Desk::take(const std::string& name, std::uint64_t run, std::uint32_t waitin
     const bool is_free = computing_ + std::ssize(asked_) < limits_.slots;
     if (at == robot.runs.end() || !is_free || !std::exchange(at->second.late, false)) return false;
   }
-  offered(name, run, waiting, now);
+  hear(name, run, waiting, now);
   ++robots_.at(name).slots;
   ++computing_;
   return true;
@@ -132,7 +142,8 @@ void Desk::forget(Nanos now) {
   for (auto at = asked_.begin(); (at = std::find_if(at, asked_.end(), is_over)) != asked_.end();) {
     auto& runs = robots_.at(at->claim.robot).runs;
     if (const auto run = runs.find(at->claim.run); run != runs.end()) {
-      run->second = {.waiting = 0, .heard = run->second.heard, .late = true};
+      run->second.waiting = 0;
+      run->second.late = true;
     }
     at = answered(at, now);
   }

@@ -58,7 +58,7 @@ class Desk {
  private:
   struct Run {
     std::uint32_t waiting = 0;
-    Nanos heard{0};
+    Nanos heard{0}, asked{-1};
     bool late = false;  ///< A claim ran out, and its task may be on its way over a slow link.
   };
   struct Robot {
@@ -73,6 +73,8 @@ class Desk {
   };
 
   Robot& robot_of(const std::string& name, Nanos now);
+  /// A run says how many tasks wait there.
+  void hear(const std::string& name, std::uint64_t run, std::uint32_t waiting, Nanos now);
   /// Or ran out. @return  The next one.
   std::vector<Asked>::iterator answered(std::vector<Asked>::iterator asked, Nanos now);
   void forget(Nanos now);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <list>
 #include <map>
+#include <tuple>
 #include <utility>
 
 #include "workloads/backends/nats/service/computer.h"
@@ -10,16 +11,18 @@
 namespace pirt::cloud {
 namespace {
 
-/// Of this process's heap.
-std::uint64_t held_bytes() {
+constexpr std::size_t kMostKernels = 64;  ///< Of a robot.
+
+/// Of this process's heap, without @p passing.
+std::uint64_t held_bytes(std::uint64_t passing = 0) {
   const struct mallinfo2 info = ::mallinfo2();
-  return info.uordblks + info.hblkhd;
+  return info.uordblks + info.hblkhd - std::min(info.uordblks + info.hblkhd, passing);
 }
 
 class DeviceComputer : public Computer {
  public:
-  DeviceComputer(const Backend& backend, const UnitRequest& request, const Kept& kept)
-      : kept_(kept), device_(backend.open(request)), empty_bytes_(held_bytes()) {}
+  DeviceComputer(const Backend& backend, const UnitRequest& request, std::uint64_t kept_bytes)
+      : kept_bytes_(kept_bytes), device_(backend.open(request)), empty_bytes_(held_bytes()) {}
 
   void compute(const Call& call, ReplyMessage& reply) override {
     auto inputs = decode_tensors(call.inputs(), call.workload->inputs);
@@ -51,11 +54,13 @@ class DeviceComputer : public Computer {
     reply.outputs = encode_tensors(outputs);
     inputs.value->clear();
     outputs.clear();
-    keep_to_limits();
+    keep_to_limits(call.parameters.size());
   }
 
  private:
-  using Key = std::pair<Digest, Digest>;  ///< Spec, and parameters' content: both decide.
+  /// Workload, sizes, spec, and parameters' content: a user's workloads of one file differ in their
+  /// names alone.
+  using Key = std::tuple<std::string, std::vector<std::int64_t>, Digest, Digest>;
   struct Entry {
     Key key;
     std::string robot;
@@ -66,10 +71,10 @@ class DeviceComputer : public Computer {
   };
   using Entries = std::list<Entry>;
 
-  /// @return  The end where the parameters are not to be had: the reply says why.
+  /// @return  The end where there are no parameters, or wrong ones: the reply says so.
   Entries::iterator prepared(const Call& call, ReplyMessage& reply) {
-    Key key{call.task.spec, {}};
-    if (call.task.parameters) key.second = call.task.parameters->digest;
+    Key key{call.task.workload, call.task.sizes, call.task.spec, {}};
+    if (call.task.parameters) std::get<3>(key) = call.task.parameters->digest;
     const auto known = std::ranges::find(entries_, key, &Entry::key);
     if (known != entries_.end()) {
       entries_.splice(entries_.begin(), entries_, known);
@@ -77,9 +82,11 @@ class DeviceComputer : public Computer {
     }
     Entry made{key, call.robot, 0, call.workload, {}, nullptr};
     if (call.task.parameters) {
-      const auto bytes = call.parameters(reply);
-      if (!bytes) return entries_.end();
-      auto decoded = decode_tensors(*bytes, call.workload->parameters);
+      if (call.parameters.empty()) {
+        reply.kind = ReplyKind::kMissing;
+        return entries_.end();
+      }
+      auto decoded = decode_tensors(call.parameters, call.workload->parameters);
       if (!decoded.value) {
         reply.kind = ReplyKind::kRefused;
         reply.problem = call.workload->name + ": parameters: " + decoded.problem;
@@ -96,7 +103,8 @@ class DeviceComputer : public Computer {
 
   /// A kernel may hold what its tensors do not show, and memory that is none of this heap's: the
   /// larger of both counts.
-  void keep_to_limits() {
+  /// @param passing  Bytes of the call's parameters, which go with it.
+  void keep_to_limits(std::uint64_t passing) {
     bool any = false;
     while (!entries_.empty()) {
       std::uint64_t counted = 0;
@@ -106,10 +114,10 @@ class DeviceComputer : public Computer {
         robots[each.robot].first += each.bytes;
         ++robots[each.robot].second;
       }
-      const std::uint64_t now = held_bytes();
+      const std::uint64_t now = held_bytes(passing);
       const auto over = std::ranges::find_if(
-          robots, [&](const auto& each) { return each.second.second > kept_.kernels; });
-      const bool full = std::max(counted, now - std::min(now, empty_bytes_)) > kept_.bytes;
+          robots, [](const auto& each) { return each.second.second > kMostKernels; });
+      const bool full = std::max(counted, now - std::min(now, empty_bytes_)) > kept_bytes_;
       if (!full && over == robots.end()) break;
       const auto most =
           std::ranges::max_element(robots, {}, [](const auto& each) { return each.second.first; });
@@ -121,10 +129,10 @@ class DeviceComputer : public Computer {
     }
     if (any) ::malloc_trim(0);
     // What libraries keep for themselves is none of an entry's.
-    if (entries_.empty()) empty_bytes_ = held_bytes();
+    if (entries_.empty()) empty_bytes_ = held_bytes(passing);
   }
 
-  Kept kept_;
+  std::uint64_t kept_bytes_;
   MachineClock clock_;
   std::unique_ptr<Device> device_;
   std::uint64_t empty_bytes_;
@@ -134,8 +142,8 @@ class DeviceComputer : public Computer {
 }  // namespace
 
 std::unique_ptr<Computer> make_device_computer(const Backend& backend, const UnitRequest& request,
-                                               const Kept& kept) {
-  return std::make_unique<DeviceComputer>(backend, request, kept);
+                                               std::uint64_t kept_bytes) {
+  return std::make_unique<DeviceComputer>(backend, request, kept_bytes);
 }
 
 }  // namespace pirt::cloud

@@ -19,8 +19,8 @@ namespace pirt::cloud {
 namespace {
 
 // First nothing, with its length: it is ready.
-// A call: the robot's name and a frame with the task; where the answer is that its parameters are
-// missing, those, or nothing for none; then a frame with the reply. Each with its length before it.
+// A call: the robot's name, a frame with the task, and its parameters, or nothing; then a frame
+// with the reply. Each with its length before it.
 
 constexpr std::uint64_t kMostFrame = kMostBlobBytes + (1 << 20);
 
@@ -82,7 +82,6 @@ class ProcessComputer : public Computer {
   ProcessComputer& operator=(const ProcessComputer&) = delete;
 
   void compute(const Call& call, ReplyMessage& reply) override {
-    died_ = false;
     if (process_ <= 0 && !start(call, reply)) return;
     const auto own = program_.call_limits.find(call.workload.get());
     const Nanos limit = own != program_.call_limits.end() ? own->second : program_.call_limit;
@@ -93,15 +92,8 @@ class ProcessComputer : public Computer {
         ends = true, until = std::min(until, clock_.now() + program_.end_limit);
       return clock_.now() < until;
     });
-    // The way of the parameters is none of the process's time.
-    const auto parameters = [&](ReplyMessage& why) {
-      const Nanos asked = clock_.now();
-      auto bytes = call.parameters(why);
-      until += clock_.now() - asked;
-      return bytes;
-    };
     try {
-      if (exchange(line, {call.robot, call.task, call.workload, parameters}, reply)) return;
+      if (exchange(line, call, reply)) return;
     } catch (...) {  // What it was in the middle of would be taken for the next call's.
       ::kill(process_, SIGKILL);
       static_cast<void>(end());
@@ -110,18 +102,16 @@ class ProcessComputer : public Computer {
     const bool over = clock_.now() >= until;
     if (over) ::kill(process_, SIGKILL);
     const std::string how = end();
-    died_ = true;
     if (over && ends) {
       reply.kind = ReplyKind::kLater;
       reply.problem = "the worker ends";
       return;
     }
-    throw_environment(over ? fmt::format("it was over its limit of {:.3g} s (pirt cloud-worker "
+    throw ProcessGone(over ? fmt::format("it was over its limit of {:.3g} s (pirt cloud-worker "
                                          "--call-limit, --profile): its process was killed",
                                          to_s(limit))
                            : "its process " + how);
   }
-  [[nodiscard]] bool is_gone() const override { return died_; }
 
  private:
   /// @return  False once the line has ended.
@@ -129,19 +119,11 @@ class ProcessComputer : public Computer {
     const std::uint64_t most = encoded_bytes(call.workload->outputs) + (64 << 10);
     Bytes bytes;
     if (!line.put(std::as_bytes(std::span(call.robot))) || !line.put(encode(call.task)) ||
-        !line.get(bytes, most)) {
+        !line.put(call.parameters) || !line.get(bytes, most)) {
       return false;
     }
     auto said = decode_as<ReplyMessage>(bytes);
-    if (said.value && said.value->kind == ReplyKind::kMissing) {
-      const auto parameters = call.parameters(reply);
-      if (!line.put(parameters ? ByteView(*parameters) : ByteView())) return false;
-      if (!parameters) return true;
-      if (!line.get(bytes, most)) return false;
-      said = decode_as<ReplyMessage>(bytes);
-    }
-    const bool fits = said.value && std::holds_alternative<Bytes>(said.value->outputs);
-    if (!fits || said.value->kind == ReplyKind::kMissing) return false;
+    if (!said.value || !std::holds_alternative<Bytes>(said.value->outputs)) return false;
     reply.kind = said.value->kind;
     reply.problem = said.value->problem;
     reply.execute = said.value->execute;
@@ -226,31 +208,7 @@ class ProcessComputer : public Computer {
   MachineClock clock_;
   pid_t process_ = -1;
   int line_ = -1;
-  bool died_ = false;  ///< With the last call.
 };
-
-/// @param has_parameters  False where the other end has none: it waits for no reply then.
-/// @return  False once the line has ended.
-bool compute_task(Computer& computer, const Admission& admission, const Line& line,
-                  const std::string& robot, const TaskMessage& task, ReplyMessage& reply,
-                  bool& has_parameters) {
-  const auto workload = admission.admit(task);
-  if (!workload.value || !std::holds_alternative<Bytes>(task.inputs)) {
-    reply.kind = ReplyKind::kRefused;
-    reply.problem = workload.value ? "its inputs are elsewhere" : workload.problem;
-    return true;
-  }
-  bool there = true;
-  const auto parameters = [&](ReplyMessage&) -> std::optional<Bytes> {
-    Bytes bytes;
-    there = line.put(encode(ReplyMessage{.kind = ReplyKind::kMissing})) &&
-            line.get(bytes, encoded_bytes((*workload.value)->parameters));
-    has_parameters = there && !bytes.empty();
-    return has_parameters ? std::optional(std::move(bytes)) : std::nullopt;
-  };
-  computer.compute({robot, task, *workload.value, parameters}, reply);
-  return there;
-}
 
 }  // namespace
 
@@ -263,19 +221,26 @@ bool serve_computer(Computer& computer, const Admission& admission, int descript
   if (!line.put({})) return true;
   Bytes name, frame;
   while (line.get(name, 64) && line.get(frame, kMostFrame)) {
+    Bytes parameters;  // Of this call: what is kept of them is the computer's.
+    if (!line.get(parameters, kMostFrame)) break;
     const std::string robot(reinterpret_cast<const char*>(name.data()), name.size());
     const auto task = decode_as<TaskMessage>(frame);
     if (!task.value) return false;
     ReplyMessage reply;
-    bool there = true, has_parameters = true;
     try {
-      there = compute_task(computer, admission, line, robot, *task.value, reply, has_parameters);
+      const auto workload = admission.admit(*task.value);
+      if (workload.value && std::holds_alternative<Bytes>(task.value->inputs)) {
+        computer.compute({robot, *task.value, *workload.value, parameters}, reply);
+      } else {
+        reply.kind = ReplyKind::kRefused;
+        reply.problem = workload.value ? "its inputs are elsewhere" : workload.problem;
+      }
     } catch (const std::exception& error) {
       reply.kind = ReplyKind::kFailedTry;
-      reply.problem = one_line(error.what());
+      reply.problem = error.what();
       if (reply.problem.empty()) reply.problem = "an error without words";
     }
-    if (!there || (has_parameters && !line.put(encode(reply)))) return false;
+    if (!line.put(encode(reply))) return false;
   }
   return true;
 }

@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <random>
 #include <utility>
 
 #include "workloads/backends/nats/link/blobs.h"
@@ -12,21 +11,6 @@
 #include "workloads/base/system/thread.h"
 
 namespace pirt::cloud {
-namespace {
-
-ConnectionOptions worker_connection(const WorkerOptions& options) {
-  ConnectionOptions connection = options.connection;
-  connection.name = "pirt worker " + options.name;
-  return connection;
-}
-
-std::uint64_t new_instance() {
-  std::random_device device;
-  return (std::uint64_t{device()} << 32) | device();
-}
-
-}  // namespace
-
 /// What somebody waits for may be there then.
 template <typename Change>
 void WorkerLink::change(Change change) {
@@ -38,6 +22,13 @@ void WorkerLink::change(Change change) {
   changed_.notify_all();
 }
 
+/// @param robot  As a subject says it: it may be anything.
+void WorkerLink::drop(const std::string& robot, const std::string& problem) {
+  const std::lock_guard lock(mutex_);
+  ++counts_.malformed;
+  connection_->note("robot " + robot + ": " + problem);
+}
+
 template <typename Said>
 std::optional<Said> WorkerLink::read(const std::string& robot, const Incoming& message) {
   constexpr std::size_t kMostSmall = 256;
@@ -45,21 +36,23 @@ std::optional<Said> WorkerLink::read(const std::string& robot, const Incoming& m
   if (is_robot_name(robot) && message.data.size() <= kMostSmall) {
     said = decode_as<Said>(message.data);
   }
-  const std::lock_guard lock(mutex_);
-  counts_.malformed += said.value ? 0 : 1;
-  if (!said.value) problem_ = one_line("robot " + robot + ": " + said.problem);
+  if (!said.value) drop(robot, said.problem);
   return std::move(said.value);
 }
 
 WorkerLink::WorkerLink(const WorkerOptions& options, std::span<const Workload* const> workloads)
     : options_(options),
-      instance_(new_instance()),
       admission_(workloads, options.call_bytes),
+      hello_(encode(HelloMessage{.instance = instance_,
+                                 .worker = options.name,
+                                 .version = options.version,
+                                 .slots = static_cast<std::uint32_t>(options.limits.slots),
+                                 .workloads = admission_.known()})),
       desk_(options.limits) {
   Connection::Events events;
   events.up = [this] { change([this](Nanos now) { hello_at_ = now; }); };
-  events.problem = [this](const std::string& problem) { note(problem); };
-  connection_ = std::make_unique<Connection>(worker_connection(options_), std::move(events));
+  options_.connection.name = "pirt worker " + options_.name;
+  connection_ = std::make_unique<Connection>(options_.connection, std::move(events));
   constexpr std::int64_t kSmall = std::int64_t{8} << 20, kLarge = std::int64_t{64} << 20;
   const auto subscribe = [this](const std::string& to, std::int64_t most_bytes, auto handler) {
     connection_->subscribe(
@@ -106,25 +99,6 @@ WorkerCounts WorkerLink::counts() const {
   return counts_;
 }
 
-std::string WorkerLink::problem() const {
-  const std::lock_guard lock(mutex_);
-  return problem_;
-}
-
-void WorkerLink::note(const std::string& problem) {
-  const std::lock_guard lock(mutex_);
-  problem_ = problem;
-}
-
-void WorkerLink::say_hello() {
-  HelloMessage hello{.instance = instance_,
-                     .worker = options_.name,
-                     .version = options_.version,
-                     .slots = static_cast<std::uint32_t>(options_.limits.slots),
-                     .workloads = admission_.known()};
-  connection_->publish(kHelloSubject, encode(hello));
-}
-
 void WorkerLink::serve(const std::stop_token& stop) {
   name_thread("pirt-worker");
   while (!stop.stop_requested()) {
@@ -152,9 +126,9 @@ void WorkerLink::serve(const std::stop_token& stop) {
                              encode(ClaimMessage{claim.run, instance_}));
       }
       for (const auto& job : running) say(*job, {.kind = ReplyKind::kRunning});
-      if (greets && connection_->is_up()) say_hello();
+      if (greets && connection_->is_up()) connection_->publish(kHelloSubject, hello_);
     } catch (const std::exception& error) {  // Such as no memory: it goes on.
-      note(error.what());
+      connection_->note(error.what());
     }
   }
 }
@@ -162,16 +136,15 @@ void WorkerLink::serve(const std::stop_token& stop) {
 /// The subject is the server's, which vouches for the robot. What nobody asked for is not even
 /// read.
 void WorkerLink::on_task(const std::string& robot, const Incoming& message) {
-  const auto drop = [this] {
-    const std::lock_guard lock(mutex_);
-    ++counts_.malformed;
-  };
+  bool expected = is_robot_name(robot);
   {
-    std::unique_lock lock(mutex_);
-    if (!is_robot_name(robot) || !desk_.expects(robot)) return lock.unlock(), drop();
+    const std::lock_guard lock(mutex_);
+    expected = expected && desk_.expects(robot);
+    counts_.malformed += expected ? 0 : 1;
   }
+  if (!expected) return;
   auto task = decode_as<TaskMessage>(message.data);
-  if (!task.value) return drop(), note("robot " + robot + ": " + task.problem);
+  if (!task.value) return drop(robot, task.problem);
   auto job = std::make_shared<Job>();
   job->robot = robot;
   job->message = std::move(*task.value);
@@ -179,6 +152,8 @@ void WorkerLink::on_task(const std::string& robot, const Incoming& message) {
   change([&](Nanos now) {
     const TaskMessage& said = job->message;
     taken = !stopping_ && desk_.take(robot, said.task.run, said.waiting, now);
+    // Else its robot gives it to somebody else, since nobody says that it has it.
+    counts_.malformed += taken ? 0 : 1;
     if (!taken) return;
     job->taken = job->said = now;
     job->refused = desk_.why_refused(robot, now);
@@ -186,9 +161,7 @@ void WorkerLink::on_task(const std::string& robot, const Incoming& message) {
     jobs_.push_back(job);
     waiting_.push_back(job);
   });
-  // Else its robot gives it to somebody else, since nobody says that it has it.
-  if (!taken) return drop();
-  say(*job, {.kind = ReplyKind::kRunning});
+  if (taken) say(*job, {.kind = ReplyKind::kRunning});
 }
 
 void WorkerLink::compute(const std::stop_token& stop, int slot) {
@@ -207,15 +180,15 @@ void WorkerLink::compute(const std::stop_token& stop, int slot) {
       run(*computer, *job, reply);
     } catch (const std::exception& error) {
       reply.kind = ReplyKind::kFailedTry;
-      reply.problem = one_line(error.what());
-      gone = computer != nullptr && computer->is_gone();
+      reply.problem = error.what();
+      gone = dynamic_cast<const ProcessGone*>(&error) != nullptr;
     }
     finish(job, std::move(reply), gone);
   }
 }
 
-void WorkerLink::run(Computer& computer, const Job& job, ReplyMessage& reply) {
-  const TaskMessage& task = job.message;
+void WorkerLink::run(Computer& computer, Job& job, ReplyMessage& reply) {
+  TaskMessage& task = job.message;
   const auto end = [&](ReplyKind kind, std::string problem) {
     reply.kind = kind;
     reply.problem = std::move(problem);
@@ -226,22 +199,26 @@ void WorkerLink::run(Computer& computer, const Job& job, ReplyMessage& reply) {
   if (stopping_) return end(ReplyKind::kLater, "the worker ends");
   if (!job.refused.empty()) return end(ReplyKind::kRefused, job.refused);
   auto workload = admission_.admit(task);
-  if (!workload.value) return end(ReplyKind::kRefused, one_line(workload.problem));
+  if (!workload.value) return end(ReplyKind::kRefused, std::move(workload.problem));
   if (is_over() || job.unwanted) return end(ReplyKind::kExpired, "");
-  std::optional<TaskMessage> whole;
   if (const auto* const blob = std::get_if<Blob>(&task.inputs)) {
     auto bytes = fetch(job, "in", task.task.hex(), *blob, reply);
     if (!bytes) return;
-    whole = task;
-    whole->inputs = std::move(*bytes);
+    task.inputs = std::move(*bytes);
     if (is_over()) return end(ReplyKind::kExpired, "");  // Reading it took its time.
   }
-  const auto parameters = [&](ReplyMessage& why) {
-    return fetch(job, "par", task.parameters->digest.hex(), *task.parameters, why);
-  };
-  computer.compute({job.robot, whole ? *whole : task, std::move(*workload.value), parameters,
-                    [this] { return stopping_.load(); }},
-                   reply);
+  Call call{
+      .robot = job.robot, .task = task, .workload = std::move(*workload.value), .stop = [this] {
+        return stopping_.load();
+      }};
+  computer.compute(call, reply);
+  if (reply.kind == ReplyKind::kMissing && task.parameters) {  // It has not kept them.
+    const auto bytes = fetch(job, "par", task.parameters->digest.hex(), *task.parameters, reply);
+    if (!bytes) return;
+    reply = {};
+    call.parameters = *bytes;
+    computer.compute(call, reply);
+  }
   if (reply.kind == ReplyKind::kDone && !job.unwanted) store_outputs(job, reply);
 }
 
@@ -263,14 +240,14 @@ std::optional<Bytes> WorkerLink::fetch(const Job& job, std::string_view what,
 /// Within the reply where they fit.
 void WorkerLink::store_outputs(const Job& job, ReplyMessage& reply) {
   const Bytes& bytes = std::get<Bytes>(reply.outputs);
-  const std::uint32_t chunk = connection_->chunk_bytes();
-  if (bytes.size() <= chunk) return;
+  if (bytes.size() <= connection_->chunk_bytes()) return;
+  const std::uint32_t chunk = connection_->blob_chunk_bytes();
   const std::string name = fmt::format("{}-{}", job.message.task.hex(), job.message.send);
   const std::string problem = put_blob(*connection_, blob_subject(job.robot, "out", name), bytes,
                                        chunk, [&] { return stopping_ || job.unwanted; });
   if (!problem.empty()) {
     reply.kind = ReplyKind::kLater;
-    reply.problem = one_line("its outputs could not be stored: " + problem);
+    reply.problem = "its outputs could not be stored: " + problem;
   }
   reply.outputs =
       problem.empty() ? Payload(Blob{digest_of(bytes), bytes.size(), chunk}) : Payload();
@@ -301,7 +278,7 @@ void WorkerLink::finish(const std::shared_ptr<Job>& job, ReplyMessage reply, boo
       }
     }
   } catch (const std::exception& error) {
-    note(error.what());
+    connection_->note(error.what());
   }
 }
 

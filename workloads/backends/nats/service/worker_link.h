@@ -64,9 +64,7 @@ class WorkerLink {
   WorkerLink& operator=(const WorkerLink&) = delete;
 
   [[nodiscard]] WorkerCounts counts() const;
-  /// What the server said last, or what was wrong with a robot's message; empty = nothing.
-  [[nodiscard]] std::string problem() const;
-  [[nodiscard]] Connection& connection() { return *connection_; }
+  [[nodiscard]] Connection& connection() const { return *connection_; }
 
  private:
   /// A task that has a slot.
@@ -81,25 +79,25 @@ class WorkerLink {
 
   void serve(const std::stop_token& stop);
   void compute(const std::stop_token& stop, int slot);
-  void run(Computer& computer, const Job& job, ReplyMessage& reply);
+  void run(Computer& computer, Job& job, ReplyMessage& reply);
   [[nodiscard]] std::optional<Bytes> fetch(const Job& job, std::string_view what,
                                            const std::string& name, const Blob& blob,
                                            ReplyMessage& reply);
   void store_outputs(const Job& job, ReplyMessage& reply);
   void finish(const std::shared_ptr<Job>& job, ReplyMessage reply, bool gone);
   bool say(const Job& job, ReplyMessage reply);
-  void say_hello();
   void on_task(const std::string& robot, const Incoming& message);
   /// Of a robot, in a few bytes.
   template <typename Said>
   [[nodiscard]] std::optional<Said> read(const std::string& robot, const Incoming& message);
+  void drop(const std::string& robot, const std::string& problem);
   template <typename Change>
   void change(Change change);
-  void note(const std::string& problem);
 
   WorkerOptions options_;
-  std::uint64_t instance_ = 0;
+  std::uint64_t instance_ = new_id();
   Admission admission_;
+  Bytes hello_;  ///< A HelloMessage.
   MachineClock clock_;
 
   mutable std::mutex mutex_;  ///< Of what follows.
@@ -110,7 +108,6 @@ class WorkerLink {
   Jobs jobs_;                                 ///< All that have a slot;
   std::deque<std::shared_ptr<Job>> waiting_;  ///< of those, the ones that no thread has yet.
   WorkerCounts counts_;
-  std::string problem_;
 
   std::atomic<bool> stopping_ = false;
   std::vector<std::jthread> slots_;

@@ -135,7 +135,7 @@ class Reader {
     if (size > kMostText) fail(fmt::format("a text of {} bytes", size));
     for (const std::byte byte : raw(size, "a text")) {
       const char c = static_cast<char>(byte);
-      text += c >= ' ' && c <= '~' ? c : '?';
+      text += c >= ' ' && c <= '~' ? c : ' ';
     }
   }
   void value(Digest& digest) {

@@ -7,7 +7,10 @@
 
 #include "workloads/backends/nats/wire/bytes.h"
 #include "workloads/model/own_operation.h"
+#include "workloads/own/definition.h"
 #include "workloads/recognition/scene_workload.h"
+#include "workloads/recognition/specs.h"
+#include "workloads/vision/vision.h"
 
 namespace pirt::cloud {
 namespace {
@@ -30,25 +33,6 @@ Entry read_entry(Reader& in, const TensorSpec& spec) {
   const std::int64_t row_bytes = spec.size_bytes() / capacity;
   entry.bytes = in.raw(static_cast<std::uint64_t>(entry.rows * row_bytes), spec.name);
   return entry;
-}
-
-void fill(Tensor& tensor, const Entry& entry) {
-  if (tensor.spec().varies) tensor.set_rows(entry.rows);
-  if (!entry.bytes.empty()) std::memcpy(tensor.data(), entry.bytes.data(), entry.bytes.size());
-}
-
-/// All of them, or none and the problem.
-std::string read_entries(ByteView bytes, std::span<const TensorSpec> specs,
-                         std::vector<Entry>& entries) {
-  Reader in(bytes);
-  const auto count = in.number<std::uint32_t>();
-  if (in.ok() && count != specs.size()) {
-    in.fail(fmt::format("{} tensors, and {} are expected", count, specs.size()));
-  }
-  for (std::size_t i = 0; i < specs.size() && in.ok(); ++i) {
-    entries.push_back(read_entry(in, specs[i]));
-  }
-  return in.finish();
 }
 
 void add_specs(Writer& out, std::span<const TensorSpec> specs) {
@@ -75,24 +59,31 @@ std::uint64_t encoded_bytes(std::span<const TensorSpec> specs) {
 }
 
 Decoded<std::vector<Tensor>> decode_tensors(ByteView bytes, std::span<const TensorSpec> specs) {
-  std::vector<Entry> entries;
-  std::string problem = read_entries(bytes, specs, entries);
-  if (!problem.empty()) return {std::nullopt, std::move(problem)};
   auto tensors = make_tensors(specs);
-  for (std::size_t i = 0; i < tensors.size() && problem.empty(); ++i) {
-    fill(tensors[i], entries[i]);
-    problem = out_of_range(tensors[i]);
+  std::string problem = decode_tensors_into(bytes, tensors);
+  for (const Tensor& each : tensors) {
+    if (problem.empty()) problem = out_of_range(each);
   }
   if (!problem.empty()) return {std::nullopt, std::move(problem)};
   return {std::move(tensors), ""};
 }
 
 std::string decode_tensors_into(ByteView bytes, std::span<Tensor> tensors) {
-  std::vector<TensorSpec> specs;
-  for (const Tensor& tensor : tensors) specs.push_back(tensor.spec());
+  Reader in(bytes);
+  const auto count = in.number<std::uint32_t>();
+  if (in.ok() && count != tensors.size()) {
+    in.fail(fmt::format("{} tensors, and {} are expected", count, tensors.size()));
+  }
   std::vector<Entry> entries;
-  std::string problem = read_entries(bytes, specs, entries);
-  for (std::size_t i = 0; problem.empty() && i < tensors.size(); ++i) fill(tensors[i], entries[i]);
+  for (std::size_t i = 0; i < tensors.size() && in.ok(); ++i) {
+    entries.push_back(read_entry(in, tensors[i].spec()));
+  }
+  std::string problem = in.finish();
+  for (std::size_t i = 0; i < tensors.size() && problem.empty(); ++i) {
+    const auto& [rows, data] = entries[i];
+    if (tensors[i].spec().varies) tensors[i].set_rows(rows);
+    if (!data.empty()) std::memcpy(tensors[i].data(), data.data(), data.size());
+  }
   return problem;
 }
 
@@ -108,6 +99,31 @@ Digest spec_digest(const Workload& workload) {
   }
   if (const OwnOperation* const own = own_operation(workload)) out(own->digest);
   return digest_of(out.take());
+}
+
+Kind kind_of(const Workload& workload) {
+  const std::string suffix = "@" + workload.variant;
+  if (workload.batch > 1 && workload.name.ends_with(suffix)) {  // fc6@batch8
+    return {workload.name.substr(0, workload.name.size() - suffix.size()), {workload.batch}};
+  }
+  if (const auto size = own::size_in(workload.name)) {
+    return {own::plain_name(workload.name), {size->width, size->height}};
+  }
+  const Operation* const operation = workload.operation.get();
+  if (const auto* const scene = dynamic_cast<const recognition::DescribeByModels*>(operation)) {
+    const Workload known =
+        recognition::resized(*scene, recognition::kPictureWidth, recognition::kPictureHeight);
+    return {.name = workload.name,
+            .sizes = {scene->width, scene->height},
+            .known_by = spec_digest(known),
+            .differs = "other models, or another version of pirt",
+            .missing = ": it was given no models (pirt cloud-worker --model)"};
+  }
+  const auto* const image = dynamic_cast<const vision::ImageOperation*>(operation);
+  if (image == nullptr || !workload.variant.empty() || workload.batch > 1) {
+    return {.name = workload.name, .known_by = spec_digest(workload)};
+  }
+  return {workload.name, {image->width, image->height}};
 }
 
 }  // namespace pirt::cloud

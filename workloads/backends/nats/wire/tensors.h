@@ -44,12 +44,4 @@ struct Kind {
 };
 [[nodiscard]] Kind kind_of(const Workload& workload);
 
-/// What is asked for of a kind that is known here: pure, and small whatever is asked for.
-/// @param known  Of the kind, in the size that is known here; outlives what is returned.
-/// @param spec   What it has to be, as the other side knows it.
-/// @return  Not null, or the problem in one line.
-[[nodiscard]] Decoded<std::shared_ptr<const Workload>> of_kind(const Workload& known,
-                                                               std::span<const std::int64_t> sizes,
-                                                               const Digest& spec);
-
 }  // namespace pirt::cloud
