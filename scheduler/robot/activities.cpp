@@ -59,7 +59,8 @@ std::vector<Point> corners_of(const std::vector<Cell>& cells, const Grid& grid) 
 bool is_due(std::optional<Nanos>& next, Nanos time, double hz) {
   if (!next) next = time;
   if (time < *next) return false;
-  while (*next <= time) *next += from_s(1 / hz);
+  const Nanos period = from_s(1 / hz);
+  *next += ((time - *next) / period + 1) * period;
   return true;
 }
 
@@ -183,7 +184,9 @@ Activities::Activities(ActivityOptions options) : options_(std::move(options)) {
   constexpr Nanos kAvoid = std::chrono::milliseconds(40);
   if (options_.recognition_hz > 0) {
     if (options_.model) {
-      model_ = std::make_shared<recognition::Model>(*options_.model);
+      recognition::ModelOptions model = *options_.model;
+      model.threads = 1;  // The machine's other cores are other units'.
+      model_ = std::make_shared<recognition::Model>(model);
       static_cast<void>(recognition::detect_objects(*model_, blank, {}));
     }
     recognition_ = std::make_unique<Activity>(model_ ? "recognize" : "alexnet",

@@ -12,6 +12,7 @@
 
 #include "scheduler/robot/read_ahead.h"
 #include "scheduler/robot/tracking.h"
+#include "workloads/inputs/sequence/stamps.h"
 #include "workloads/slam/workload/state_tensors.h"
 #include "workloads/slam/workload/step_tensors.h"
 #include "workloads/slam/workload/workloads.h"
@@ -31,10 +32,9 @@ struct Flight {
 };
 
 /// Absent where there are not two frames.
-std::optional<Nanos> mean_period(const Sequence& sequence) {
-  const auto& frames = sequence.frames;
-  if (frames.size() < 2) return std::nullopt;
-  return (frames.back().time - frames.front().time) / (std::ssize(frames) - 1);
+std::optional<Nanos> usual_period(const Sequence& sequence) {
+  const Nanos step = usual_step(stamps_of(sequence.frames));
+  return step > Nanos::zero() ? std::optional(step) : std::nullopt;
 }
 
 class RuntimeCaller final : public Caller {
@@ -62,7 +62,8 @@ class LiveLocalization {
         no_tracks_(empty(slam::track_specs(options_.setup))),
         no_features_(empty(slam::feature_specs())),
         no_better_(slam::tensors_of(slam::BetterMap{})),
-        period_(mean_period(sequence)) {
+        playing_(playing_times(stamps_of(sequence.frames))),
+        period_(usual_period(sequence)) {
     const auto& camera = options_.setup.cameras[0];
     RuntimeOptions& runtime = options_.runtime;
     std::ranges::copy(slam::steps(options_.setup), std::back_inserter(runtime.workloads));
@@ -126,9 +127,7 @@ class LiveLocalization {
     return image;
   }
 
-  [[nodiscard]] Nanos due(std::size_t frame) const {
-    return begin_ + (sequence_.frames[frame].time - sequence_.frames.front().time);
-  }
+  [[nodiscard]] Nanos due(std::size_t frame) const { return begin_ + playing_[frame]; }
 
   /// Waits for the frame's time, or for room. False: it is dropped, or nothing comes any more.
   bool comes(Flight& flight) {
@@ -399,6 +398,7 @@ class LiveLocalization {
   const Sequence& sequence_;
   LocalizationOptions options_;
   const std::vector<Tensor> no_tracks_, no_features_, no_better_;
+  const std::vector<Nanos> playing_;   ///< When each frame comes after the first.
   const std::optional<Nanos> period_;  ///< Between two frames; a pose is due before the next comes.
   MachineClock clock_;
   Nanos begin_{0};

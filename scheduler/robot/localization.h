@@ -35,7 +35,7 @@ inline constexpr Nanos kLook = std::chrono::milliseconds(50);
 struct LocalizationOptions {
   slam::Setup setup;
   RuntimeOptions runtime;  ///< Platform, profile, mode, trace; its workloads are given here.
-  /// Frames come by their stamps; otherwise each as soon as there is room for it.
+  /// Frames come by their stamps (playing_times); otherwise each as soon as there is room for it.
   bool own_rate = true;
   std::size_t most_in_flight = 2;  ///< Frames that have arrived and are not localized.
   /// A frame to show, or the first after it that was localized.

@@ -7,11 +7,13 @@
 #include <thread>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include "scheduler/robot/localization.h"
 #include "scheduler/runtime/samples.h"
 #include "workloads/backends/registry.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/inputs/sequence/stamps.h"
 #include "workloads/model/function_kernel.h"
 
 namespace pirt {
@@ -87,7 +89,9 @@ class CpuCaller final : public Caller {
 class SerialLocalization {
  public:
   SerialLocalization(const Sequence& sequence, LocalizationOptions options)
-      : sequence_(sequence), options_(std::move(options)) {
+      : sequence_(sequence),
+        options_(std::move(options)),
+        playing_(playing_times(stamps_of(sequence.frames))) {
     if (options_.companion == nullptr) return;
     RuntimeOptions listed;
     options_.companion->list_workloads(listed);
@@ -135,9 +139,7 @@ class SerialLocalization {
 
  private:
   [[nodiscard]] int stops() const { return options_.stops ? options_.stops() : 0; }
-  [[nodiscard]] Nanos due(std::size_t frame) const {
-    return begin_ + (sequence_.frames[frame].time - sequence_.frames.front().time);
-  }
+  [[nodiscard]] Nanos due(std::size_t frame) const { return begin_ + playing_[frame]; }
 
   slam::Next next(std::size_t frame) {
     while (options_.own_rate && stops() == 0 && clock_.now() < due(frame)) {
@@ -160,6 +162,7 @@ class SerialLocalization {
 
   const Sequence& sequence_;
   LocalizationOptions options_;
+  const std::vector<Nanos> playing_;  ///< When each frame comes after the first.
   MachineClock clock_;
   std::optional<CpuCaller> caller_;
   GreyImage left_;

@@ -236,6 +236,32 @@ TEST(Activities, AUsersModelsTakeThePlaceOfSeededOnes) {
   EXPECT_EQ(all[0], all[1]);
 }
 
+/// Computes nothing.
+class CountingCaller final : public Caller {
+ public:
+  void call(std::string_view, const std::vector<Tensor>&, const TaskOptions&, Done done) override {
+    ++calls;
+    done(std::nullopt);
+  }
+  int calls = 0;
+};
+
+TEST(Activities, AreDueAtOnceAfterAClockThatJumpsAhead) {
+  ActivityOptions options;
+  options.recognition_hz = 1000;
+  options.scenes_hz = 0;
+  options.keyframes = 0;
+  Activities activities(options);
+  CountingCaller caller;
+  activities.begin(caller);
+  const GreyImage picture{16, 16, std::vector<std::uint8_t>(256, 7)};
+  const Nanos later = std::chrono::hours(24 * 365 * 56);  // 1.8e12 periods
+  for (const Nanos time : {Nanos(0), later, later + Nanos(1), later + from_ms(1)}) {
+    activities.arrived(time, picture);
+  }
+  EXPECT_EQ(caller.calls, 3);
+}
+
 std::string refusal(const ActivityOptions& options) {
   return test::bad_input([&] { const Activities activities(options); });
 }

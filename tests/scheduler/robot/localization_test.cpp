@@ -299,6 +299,38 @@ TEST(Localization, AfterALongGapAllSamplesAreTaken) {
             1e-6);
 }
 
+TEST(Localization, WhatAnImuFeltLongBeforeTheFirstPictureCountsForNothing) {
+  auto sequence = small(12.0);
+  // 7 s before it, which are more samples than one call takes.
+  const auto frames = sequence.frames;
+  const auto first = std::ranges::lower_bound(frames, frames[0].time + from_s(7), {}, &Frame::time);
+  sequence.frames.assign(first, first + 20);
+  sequence.image = [before = static_cast<std::size_t>(first - frames.begin()),
+                    image = sequence.image](std::size_t frame, std::size_t camera) {
+    return image(before + frame, camera);
+  };
+  const auto options = options_of(sequence);
+  const auto expected = serial(sequence, options);
+  expect_same(localize_live(sequence, options).run, expected, options.setup);
+  for (ImuSample& sample : sequence.imu) {
+    if (sample.time < sequence.frames[0].time - from_s(0.6)) sample.accel_m_s2 *= -1;
+  }
+  expect_same(serial(sequence, options), expected, options.setup);
+}
+
+TEST(Localization, AClockThatJumpsAheadIsNotWaitedFor) {
+  auto sequence = small(1.0, false);
+  sequence.frames.resize(5);
+  sequence.frames.back().time += std::chrono::hours(24);
+  auto options = options_of(sequence);
+  options.own_rate = true;
+  for (const auto& drive : {localize_live, localize_serially}) {
+    const auto result = drive(sequence, options);
+    EXPECT_EQ(result.arrived, 5U);
+    expect_balance(result);
+  }
+}
+
 /// A unit whose features fail in some way from the first call on, beside one that works.
 LocalizationOptions with_failing_unit(const Sequence& sequence, const std::string& failure) {
   auto options = options_of(sequence, R"(

@@ -258,6 +258,14 @@ TEST_F(ImageFiles, ComeInNameOrderAndOtherFilesAreIgnored) {
   EXPECT_THAT(levels, ElementsAre(10, 20, 30, 10));  // wraps around
 }
 
+TEST_F(ImageFiles, AreTakenWhereRecordingsLieBesideThem) {
+  save("a.png", ramp(8, 4));
+  for (const char* recording : {"a.bag", "b.bag"}) {
+    write(recording, "not even one");
+    EXPECT_EQ(images_from(folder_)->describe(), "1 images of " + folder_.string());
+  }
+}
+
 TEST_F(ImageFiles, PairIsConsecutiveFilesAndNeverLastToFirst) {
   for (int i = 0; i < 3; ++i) {
     save(std::to_string(i) + ".png", cv::Mat(4, 4, CV_8U, cv::Scalar(10.0 * i)));

@@ -6,12 +6,14 @@
 
 #include <cstdlib>
 #include <map>
+#include <utility>
 
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
 #include "tests/workloads/inputs/sequence_support.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
+#include "workloads/inputs/recording/bag_format.h"
 #include "workloads/inputs/recording/compression.h"
 #include "workloads/inputs/recording/mcap_format.h"
 #include "workloads/inputs/recording/recording.h"
@@ -248,6 +250,10 @@ TEST(ChunkCache, MakesRoomBeforeItUnpacks) {
   EXPECT_EQ(cache.get(&files[1], 7, 1, [] { return std::string("b"); })->front(), 'b');
   const auto keep = [] { return std::string("unpacked again"); };
   EXPECT_EQ(cache.get(&files[0], 7, kMostChunkBytes / 2, keep)->front(), 'a');
+  const auto fail = []() -> std::string { throw_bad_input("it is damaged"); };
+  const std::string damaged =
+      bad_input([&] { static_cast<void>(cache.get(&files[1], 9, 1, fail)); });
+  EXPECT_EQ(bad_input([&] { static_cast<void>(cache.get(&files[1], 9, 1, keep)); }), damaged);
   static_cast<void>(cache.get(&files[1], 8, kMostChunkBytes, [&] {
     EXPECT_TRUE(first.expired());
     return std::string("c");
@@ -279,6 +285,64 @@ TEST_F(Packed, FileOfZstdIsUnpackedAndLeavesNothing) {
   expect_same(read_sequence(path("a.db3.zstd")));
   ::unsetenv("TMPDIR");
   EXPECT_TRUE(fs::is_empty(temporary));
+}
+
+TEST_F(Packed, WhatZstdPackedMayUnpackToWholePieces) {
+  if (best_compression() != "zstd") GTEST_SKIP() << "built without zstd";
+  constexpr std::size_t kPiece = std::size_t{256} << 10;
+  for (const std::size_t size : {kPiece - 1, kPiece, kPiece + 1, 2 * kPiece, 3 * kPiece}) {
+    const std::string plain(size, 'a');
+    const std::string packed = pack("zstd", plain, "f");
+    EXPECT_TRUE(unpack_message(packed, "f") == plain) << size;
+    const auto read = [rest = packed](std::size_t) mutable { return std::exchange(rest, {}); };
+    EXPECT_TRUE(unpack("zstd", read, size, "f") == plain) << size;
+  }
+  write("a.db3");
+  std::string text = text_of(path("a.db3"));
+  text.resize((text.size() / kPiece + 1) * kPiece);
+  put(path("b.db3.zstd"), pack("zstd", text, "b.db3.zstd"));
+  expect_same(read_sequence(path("b.db3.zstd")));
+}
+
+TEST_F(Packed, MessagesThatAreDamagedAreLeftOutOfABag) {
+  write("a.bag");
+  std::string text = text_of(path("a.bag"));
+  const std::string kind = bag::op_field(bag::Op::kMessage);
+  std::size_t at = text.size() / 2;
+  for (int i = 0; i < 4; ++i) {  // of which some are the IMU's
+    at = text.find(kind, at);
+    ASSERT_NE(at, std::string::npos);
+    text[at + kind.size() - 1] = 9;
+  }
+  put(path("a.bag"), text);
+  const Sequence read = read_sequence(path("a.bag"));
+  EXPECT_LT(read.imu.size(), flight_.imu.size());
+  EXPECT_GE(read.imu.size() + 4, flight_.imu.size());
+  EXPECT_GE(read.frames.size() + 1, flight_.frames.size());
+  EXPECT_THAT(read.warnings, testing::Contains(AllOf(HasSubstr("messages of /imu0 are left out"),
+                                                     HasSubstr("leads to no message"))));
+}
+
+TEST_F(Packed, AChunkThatIsDamagedIsLeftOutOfALargeFile) {
+  write("a.mcap");
+  std::string text = text_of(path("a.mcap"));
+  text[text.size() / 2] = static_cast<char>(text[text.size() / 2] ^ 4);
+  put(path("a.mcap"), text);
+  const auto recording = open_mcap(path("a.mcap"), 0);
+  std::vector<Recording::Wanted> all;
+  for (std::size_t i = 0; i < recording->topics().size(); ++i) all.push_back({i});
+  std::size_t whole = 0, damaged = 0;
+  recording->walk(all, [&](std::size_t, std::size_t, const Recording::Load& load) {
+    try {
+      static_cast<void>(load());
+      ++whole;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr("checksum"));
+      ++damaged;
+    }
+  });
+  EXPECT_GT(whole, 0U);
+  EXPECT_GT(damaged, 0U);
 }
 
 TEST_F(Packed, PartsOfAFolderAreOne) {

@@ -118,6 +118,47 @@ TEST_P(Recorded, SaysWhichTopicsThereAreWhereOneIsMissing) {
                                            HasSubstr("sensor_msgs/Imu is needed")));
   EXPECT_THAT(problem("lift=/cam0/image_raw"), HasSubstr("did you mean left"));
   EXPECT_THAT(problem("left=none"), HasSubstr("leaves no camera"));
+  EXPECT_THAT(problem("left=/cam0/image_raw,right=/cam0/image_raw"),
+              HasSubstr("one topic as left and right"));
+}
+
+TEST_P(Recorded, APauseChangesNoRate) {
+  Sequence flight = generate_sequence(small_scene(false));
+  const auto pause = [middle = flight.frames[5].time](auto& rows) {
+    for (auto& row : rows) row.time += row.time < middle ? Nanos(0) : from_s(600);
+  };
+  pause(flight.frames), pause(flight.imu), pause(flight.truth);
+  ASSERT_TRUE(write_recording(flight, file()));
+  const Sequence read = read_sequence(file());
+  EXPECT_NEAR(read.imu_model->rate_hz, 200, 2);
+  EXPECT_NEAR(read.cameras[0].rate_hz, 10, 0.1);
+}
+
+TEST_P(Recorded, OfAClockThatBeginsAnewTheLongestRunIsRead) {
+  const std::string format = GetParam();
+  const auto writer = format == ".bag"   ? make_bag(file())
+                      : format == ".db3" ? make_db3(file())
+                                         : make_mcap(file());
+  const auto write = [&](const char* topic, double time_ms) {
+    writer->write(topic, ImuMessage::kType, from_ms(time_ms),
+                  written(ImuMessage{}, writer->format()));
+  };
+  write("/tf_static", 10);
+  for (const int run : {1, 2}) {
+    write("/slow", 10.0 * run);
+    for (int i = 1; i <= 60 * run; ++i) write("/fast", 50.0 * i);
+  }
+  writer->publish();
+  const auto recording = open_recording(file());
+  const auto messages = [&](const char* topic) {
+    return recording->topics()[recording->topic(topic)].messages;
+  };
+  EXPECT_EQ(messages("/fast"), 120U);
+  EXPECT_EQ(messages("/slow"), 1U);
+  EXPECT_EQ(recording->time(recording->topic("/slow"), 0), from_ms(20)) << "of the second run";
+  EXPECT_EQ(messages("/tf_static"), 1U) << "which is said once";
+  EXPECT_THAT(recording->warnings(),
+              ElementsAre(AllOf(HasSubstr("begins anew"), HasSubstr("61 messages"))));
 }
 
 TEST_P(Recorded, GivesPicturesToMeasureWith) {
@@ -313,6 +354,40 @@ TEST_F(OwnRecording, LeavesOutTruthThatWasLostAndTransformsThatNobodyFilled) {
   EXPECT_THAT(sequence.warnings,
               testing::Contains(AllOf(HasSubstr("2 of 6 messages of /truth are left out"),
                                       HasSubstr("message 3 of /truth"))));
+}
+
+/// Poses of several topics beside pictures.
+class Poses : public OwnRecording {
+ protected:
+  void add_poses(const std::vector<std::string>& topics) {
+    add_info("/camera/camera_info");
+    for (int i = 1; i < 4; ++i) {
+      written_ = from_ms(50.0 * i).count();
+      add_picture("/camera/image_raw", "mono8", 16, 16, std::string(256, 'a'));
+      for (std::size_t k = 0; k < topics.size(); ++k) {
+        PoseMessage pose{.head = {from_ms(50.0 * i), "world"}, .pose = {}};
+        pose.pose.position.x() = static_cast<double>(k);
+        add(topics[k], PoseMessage::kType, written(pose, WireFormat::kRos1));
+      }
+    }
+  }
+};
+
+TEST_F(Poses, WithTruthInTheirNameAreTruth) {
+  add_poses({"/orb_slam/pose", "/ground_truth/pose"});
+  const Sequence sequence = read();
+  EXPECT_EQ(sequence.truth.at(0).body.position.x(), 1);
+  EXPECT_THAT(sequence.warnings,
+              testing::Contains(AllOf(HasSubstr("truth is taken to be /ground_truth/pose"),
+                                      HasSubstr("not /orb_slam/pose"))));
+}
+
+TEST_F(Poses, OfWhichNoneIsNamedAreAskedFor) {
+  add_poses({"/a", "/b", "/move_base/goal"});
+  EXPECT_THAT(problem(), AllOf(HasSubstr("has 2 topics of geometry_msgs/PoseStamped"),
+                               HasSubstr("--topics truth=/a"), testing::Not(HasSubstr("goal"))));
+  put(scratch_.path() / "truth.txt", "1.5 0 0 0 0 0 0 1\n2.5 0 0 0 0 0 0 1\n");
+  EXPECT_EQ(read_sequence(file_, {.truth = scratch_.path() / "truth.txt"}).truth.size(), 2U);
 }
 
 TEST_F(OwnRecording, LeavesOutMessagesThatAreNone) {

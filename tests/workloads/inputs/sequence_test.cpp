@@ -9,6 +9,7 @@
 #include <cmath>
 #include <fstream>
 #include <opencv2/calib3d.hpp>
+#include <sstream>
 #include <utility>
 
 #include "tests/support/data.h"
@@ -109,6 +110,22 @@ class SpoiledEuroc : public testing::Test {
     return test::line_of(text_of(folder_ / "mav0" / file), number);
   }
 
+  /// A camera of Kalibr's camchain.
+  [[nodiscard]] static std::string chain_of(const char* name, const CameraModel& camera) {
+    const Pose cam_imu = camera.body_from_camera.inverse();
+    std::string rows;
+    for (int r = 0; r < 3; ++r) {
+      rows += fmt::format("    - [{}, {}, {}, {}]\n", cam_imu.rotation(r, 0),
+                          cam_imu.rotation(r, 1), cam_imu.rotation(r, 2), cam_imu.position(r));
+    }
+    return fmt::format(
+        "{}:\n  camera_model: pinhole\n  distortion_model: radtan\n"
+        "  distortion_coeffs: [{}, {}, {}, {}]\n  intrinsics: [{}, {}, {}, {}]\n"
+        "  resolution: [160, 120]\n  T_cam_imu:\n{}    - [0, 0, 0, 1]\n",
+        name, camera.k1, camera.k2, camera.p1, camera.p2, camera.fx, camera.fy, camera.cx,
+        camera.cy, rows);
+  }
+
   test::ScratchFolder scratch_;
   fs::path folder_ = scratch_.path() / "seq";
 };
@@ -137,19 +154,8 @@ TEST_F(SpoiledEuroc, LeavesOutStampsThatRepeatOrFall) {
 TEST_F(SpoiledEuroc, IsReadAsTumViHasIt) {
   const Sequence good = read_sequence(folder_);
   const CameraModel& camera = good.cameras[0];
-  const Pose cam_imu = camera.body_from_camera.inverse();
-  std::string rows;
-  for (int r = 0; r < 3; ++r) {
-    rows += fmt::format("    - [{}, {}, {}, {}]\n", cam_imu.rotation(r, 0), cam_imu.rotation(r, 1),
-                        cam_imu.rotation(r, 2), cam_imu.position(r));
-  }
   fs::create_directory(folder_ / "dso");
-  put(folder_ / "dso/camchain.yaml",
-      fmt::format("cam0:\n  camera_model: pinhole\n  distortion_model: radtan\n"
-                  "  distortion_coeffs: [{}, {}, {}, {}]\n  intrinsics: [{}, {}, {}, {}]\n"
-                  "  resolution: [160, 120]\n  T_cam_imu:\n{}    - [0, 0, 0, 1]\n",
-                  camera.k1, camera.k2, camera.p1, camera.p2, camera.fx, camera.fy, camera.cx,
-                  camera.cy, rows));
+  put(folder_ / "dso/camchain.yaml", chain_of("cam0", camera));
   const fs::path root = folder_ / "mav0";
   std::string poses = "#timestamp [ns], p, q\n";
   for (const TruthRow& each : good.truth) {
@@ -200,6 +206,46 @@ TEST_F(SpoiledEuroc, IsReadAsTumViHasIt) {
               testing::AllOf(HasSubstr("truth.txt:1"), HasSubstr("quaternion")));
 }
 
+TEST_F(SpoiledEuroc, ACalibrationIsOfTheCameraOfItsName) {
+  const Sequence good = read_sequence(folder_);
+  CameraModel other = good.cameras[0];
+  other.fx += 50;
+  put(folder_ / "chain.yaml", chain_of("cam0", other) + chain_of("cam1", good.cameras[1]));
+  for (const char* gone : {"cam0", "cam1/sensor.yaml", "imu0/sensor.yaml"}) {
+    fs::remove_all(folder_ / "mav0" / gone);
+  }
+  const Sequence read = read_sequence(folder_, {.calibration = folder_ / "chain.yaml"});
+  ASSERT_EQ(read.cameras.size(), 1U);
+  EXPECT_EQ(read.cameras[0].fx, good.cameras[1].fx);
+  EXPECT_TRUE(read.cameras[0].body_from_camera.position.isApprox(
+      good.cameras[1].body_from_camera.position, 1e-9));
+}
+
+TEST_F(SpoiledEuroc, APauseChangesNoRate) {
+  const Sequence good = read_sequence(folder_);
+  fs::create_directory(folder_ / "dso");
+  put(folder_ / "dso/camchain.yaml", chain_of("cam0", good.cameras[0]));
+  for (const char* gone : {"cam0/sensor.yaml", "cam1", "imu0/sensor.yaml"}) {
+    fs::remove_all(folder_ / "mav0" / gone);
+  }
+  for (const char* file : {"cam0/data.csv", "imu0/data.csv"}) {
+    std::istringstream rows(text_of(folder_ / "mav0" / file));
+    std::string line, text;
+    while (std::getline(rows, line)) {
+      const std::int64_t stamp = line.starts_with('#') ? 0 : std::stoll(line);
+      if (stamp >= good.frames[5].time.count()) {
+        line = std::to_string(stamp + from_s(600).count()) + line.substr(line.find(','));
+      }
+      text += line + "\n";
+    }
+    put(folder_ / "mav0" / file, text);
+  }
+  const Sequence read = read_sequence(folder_);
+  EXPECT_NEAR(read.cameras[0].rate_hz, good.cameras[0].rate_hz, 0.1);
+  EXPECT_NEAR(read.imu_model->rate_hz, 200, 2);
+  EXPECT_THAT(read.warnings, testing::Contains(HasSubstr("are not waited for")));
+}
+
 TEST_F(SpoiledEuroc, TakesTheUpperBitsOfSixteen) {
   const Sequence good = read_sequence(folder_);
   const GreyImage picture = good.image(2, 0);
@@ -213,11 +259,16 @@ TEST_F(SpoiledEuroc, TakesTheUpperBitsOfSixteen) {
     }
     put(file, encode_png(wide));
   };
-  write(256);
-  EXPECT_EQ(good.image(2, 0).pixels, picture.pixels);
+  write(0);
+  EXPECT_THAT(good.image(2, 0).pixels, testing::Each(0));
   write(1);
   EXPECT_THAT(bad_input([&] { static_cast<void>(good.image(2, 0)); }),
               testing::AllOf(HasSubstr("brightest"), HasSubstr("scale it")));
+  write(256);
+  EXPECT_EQ(good.image(2, 0).pixels, picture.pixels);
+  write(1);
+  EXPECT_THAT(good.image(2, 0).pixels, testing::Each(testing::Le(1)))
+      << "dark, of a camera that has 16 bits";
 }
 
 TEST_F(SpoiledEuroc, RefusesRowsThatAreCutOffOrNoNumbers) {
@@ -508,6 +559,15 @@ TEST_F(MadeKitti, IsReadBesideARecordingOfIt) {
   const Sequence sequence = read_sequence(scratch_.path());
   EXPECT_EQ(sequence.frames.size(), 3U);
   EXPECT_THAT(sequence.warnings, testing::Contains(HasSubstr("is not read")));
+}
+
+TEST_F(MadeKitti, TakesNoOtherCalibration) {
+  add("image_0", {"1", "2", "3"});
+  EXPECT_THAT(bad_input([this] {
+                const fs::path file = scratch_.path() / "calib.txt";
+                static_cast<void>(read_sequence(scratch_.path(), {.calibration = file}));
+              }),
+              HasSubstr("has its calibration in calib.txt"));
 }
 
 TEST_F(MadeKitti, ACameraWithoutPairsIsNoCamera) {

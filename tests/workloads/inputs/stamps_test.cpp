@@ -6,18 +6,22 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numbers>
 #include <opencv2/calib3d.hpp>
 
 #include "tests/support/errors.h"
 #include "tests/workloads/inputs/sequence_support.h"
 #include "workloads/inputs/pictures/recorded_picture.h"
+#include "workloads/inputs/recording/messages.h"
 #include "workloads/inputs/recording/recording.h"
+#include "workloads/inputs/recording/restarts.h"
 #include "workloads/inputs/sequence/bad_pictures.h"
 #include "workloads/inputs/sequence/calibration_file.h"
 #include "workloads/inputs/sequence/camera_info.h"
 #include "workloads/inputs/sequence/imu_check.h"
 #include "workloads/inputs/sequence/recorded.h"
+#include "workloads/inputs/sequence/recorded_calibration.h"
 
 namespace pirt {
 namespace {
@@ -47,6 +51,39 @@ TEST(Stamps, KeepTheLongestRunThatRises) {
   tell_of_rising("/t", 3, 4, warnings);
   EXPECT_THAT(warnings, ElementsAre(HasSubstr("1 of 4 stamps of /t")));
   EXPECT_THAT(bad_input([&] { tell_of_rising("/t", 1, 4, warnings); }), HasSubstr("do not rise"));
+}
+
+TEST(Stamps, OfAClockThatBeginsAnewAreOfItsLongestRun) {
+  struct Row {
+    Nanos time;
+    char run;
+  };
+  std::vector<Row> rows;
+  const auto add = [&rows](char run, int first, int last, int step) {
+    for (int i = first; i <= last; i += step) rows.push_back({from_ms(50.0 * i), run});
+  };
+  // Up to 1 s of A and from there B would be more than B alone.
+  add('A', 1, 60, 1);
+  add('B', 2, 20, 2);
+  add('B', 21, 120, 1);
+  std::vector<std::string> warnings;
+  keep_rising(rows, "/t", warnings);
+  EXPECT_EQ(rows.size(), 110U);
+  EXPECT_TRUE(std::ranges::all_of(rows, [](const Row& row) { return row.run == 'B'; }));
+  EXPECT_THAT(warnings, ElementsAre(HasSubstr("the clock of /t begins anew after 60 messages")));
+  EXPECT_THAT(restarts_of(ms({1, 2, 86'400'000, 3, 4, 5})), IsEmpty()) << "one is far ahead";
+  EXPECT_THAT(restarts_of(ms({5000, 5050, 5100, 1, 5150, 5200})), IsEmpty()) << "one is late";
+  EXPECT_THAT(restarts_of(ms({5000, 5050, 5100, 9000, 9050, 9100, 5150, 5200, 5250})), IsEmpty());
+  EXPECT_THAT(restarts_of(ms({5000, 5050, 5100, 1000, 1050, 1100, 5150, 5200, 5250})), IsEmpty());
+}
+
+TEST(Stamps, ArePlayedWithoutTheirPauses) {
+  EXPECT_EQ(playing_times(ms({7, 57, 107, 86'400'107, 86'400'157})), ms({0, 50, 100, 150, 200}));
+  EXPECT_EQ(playing_times(ms({0, 50, 100, 20'100})), ms({0, 50, 100, 20'100}));
+  EXPECT_EQ(playing_times(ms({0, 60'000, 120'000})), ms({0, 60'000, 120'000})) << "as usual";
+  EXPECT_THAT(playing_times({}), IsEmpty());
+  EXPECT_EQ(usual_rate_hz(ms({0, 50, 100, 86'400'000}), 1), 20);
+  EXPECT_EQ(usual_rate_hz(ms({5}), 1), 1);
 }
 
 TEST(Stamps, ArePairedByTimeAndNotByPosition) {
@@ -173,7 +210,7 @@ TEST(Calibration, IsReadFromKalibrsFileAndThoseOfRos) {
   EXPECT_EQ(cameras[0].topic, "/a");
   EXPECT_EQ(cameras[0].model.p2, 0.004);
   EXPECT_EQ(cameras[0].body_from_camera->position.x(), 0.1);
-  EXPECT_EQ(cameras[1].before_from_camera->position.x(), 0.1);
+  EXPECT_EQ(cameras[1].first_from_camera->position.x(), 0.1);
   put(file,
       "image_width: 640\nimage_height: 480\ncamera_matrix: {rows: 3, cols: 3, data: [400, 0, 320, "
       "0, 410, 240, 0, 0, 1]}\ndistortion_model: plumb_bob\ndistortion_coefficients: {data: [0.1, "
@@ -184,6 +221,62 @@ TEST(Calibration, IsReadFromKalibrsFileAndThoseOfRos) {
               AllOf(HasSubstr("camchain.yaml:1"), HasSubstr("pinhole")));
   put(file, "name: x\n");
   EXPECT_THAT(bad_input([&] { static_cast<void>(read_calibration(file)); }), HasSubstr("Kalibr"));
+}
+
+/// Calibrations of a recording of nothing.
+class GivenCalibration : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto writer = make_bag(scratch_.path() / "a.bag");
+    writer->write("/imu", ImuMessage::kType, Nanos(1), written(ImuMessage{}, WireFormat::kRos1));
+    writer->publish();
+  }
+  [[nodiscard]] RecordedCalibration of(const std::string& topic, std::size_t place) {
+    const auto recording = open_recording(scratch_.path() / "a.bag");
+    return RecordedCalibrations(*recording, file_).of(topic, place, warnings_);
+  }
+
+  const test::ScratchFolder scratch_;
+  const fs::path file_ = scratch_.path() / "calibration.yaml";
+  std::vector<std::string> warnings_;
+};
+
+TEST_F(GivenCalibration, IsOfTheTopicThatItNames) {
+  std::string chain;
+  const char* const topics[] = {"/right/image_raw", "/left/image_raw", "/c", "/d"};
+  for (int i = 0; i < 4; ++i) {
+    chain += fmt::format(
+        "cam{}:\n  distortion_model: none\n  intrinsics: [{}, 400, 320, 240]\n"
+        "  resolution: [640, 480]\n  rostopic: {}\n",
+        i, 400 + 10 * i, topics[i]);
+    if (i > 0) {
+      chain += "  T_cn_cnm1: [[1, 0, 0, -0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n";
+    }
+  }
+  put(file_, chain);
+  EXPECT_EQ(of("/left/image_raw/compressed", 0).camera.model.fx, 410);
+  const auto last = of("/d", 1);
+  EXPECT_EQ(last.camera.model.fx, 430);
+  EXPECT_NEAR(last.given->first_from_camera->position.x(), 0.3, 1e-12);
+  EXPECT_THAT(warnings_, IsEmpty());
+  EXPECT_EQ(of("/e", 1).camera.model.fx, 410);
+  EXPECT_THAT(warnings_, ElementsAre(HasSubstr("of /left/image_raw is taken for /e")));
+}
+
+TEST_F(GivenCalibration, OfRosTurnsRectifiedPictures) {
+  const Eigen::Matrix3d r = rotation_of({0, 0.05, 0});
+  put(file_,
+      fmt::format("image_width: 640\nimage_height: 480\n"
+                  "camera_matrix: {{data: [400, 0, 320, 0, 410, 240, 0, 0, 1]}}\n"
+                  "distortion_coefficients: {{data: [0.1, 0, 0, 0, 0]}}\n"
+                  "rectification_matrix: {{data: [{}, {}, {}, {}, {}, {}, {}, {}, {}]}}\n"
+                  "projection_matrix: {{data: [300, 0, 310, 0, 0, 300, 230, 0, 0, 0, 1, 0]}}\n",
+                  r(0, 0), r(0, 1), r(0, 2), r(1, 0), r(1, 1), r(1, 2), r(2, 0), r(2, 1), r(2, 2)));
+  const InfoCamera rectified = of("/camera/image_rect", 0).camera;
+  EXPECT_EQ(rectified.model.fx, 300);
+  EXPECT_TRUE(rectified.picture_from_raw().isApprox(r, 1e-12));
+  EXPECT_TRUE(of("/camera/image_raw", 0).camera.picture_from_raw().isIdentity());
+  EXPECT_THAT(warnings_, IsEmpty());
 }
 
 TEST(Imu, ThatIsDeadOrStuckIsRefused) {

@@ -34,11 +34,13 @@ cv::Mat decode_unchanged(const std::string& bytes) {
   return pixels;
 }
 
-std::string take_upper_bits(cv::Mat& pixels) {
-  constexpr double kLeast = 1 << 12;
+std::string take_upper_bits(cv::Mat& pixels, std::atomic<bool>* is_deep) {
+  constexpr double kLeast = 1 << 12, kBlack = 16;
   double brightest = 0;
   cv::minMaxLoc(pixels, nullptr, &brightest);
-  if (brightest < kLeast) {
+  if (brightest >= kLeast && is_deep != nullptr) *is_deep = true;
+  const bool is_known = is_deep != nullptr && *is_deep;
+  if (brightest >= kBlack && brightest < kLeast && !is_known) {
     return fmt::format(
         "its brightest pixel has {:.0f} of 65535: these are not 16 bits; scale it to 8", brightest);
   }
@@ -51,6 +53,15 @@ std::string take_upper_bits(cv::Mat& pixels) {
   }
   pixels = upper;
   return "";
+}
+
+GreyImage grey_of(const cv::Mat& pixels) {
+  GreyImage image{pixels.cols, pixels.rows, {}};
+  image.pixels.resize(pixels.total());
+  for (int y = 0; y < pixels.rows; ++y) {
+    std::copy_n(pixels.ptr(y), pixels.cols, image.row(y));
+  }
+  return image;
 }
 
 std::string encode_png(const cv::Mat& image) {

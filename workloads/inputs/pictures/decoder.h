@@ -2,8 +2,11 @@
 // codecs bring a hundred libraries, and each start of a process would pay 0.1 s for them.
 #pragma once
 
+#include <atomic>
 #include <opencv2/core.hpp>
 #include <string>
+
+#include "workloads/model/grey_image.h"
 
 namespace pirt {
 
@@ -25,8 +28,14 @@ struct DecodedPicture {
 [[nodiscard]] cv::Mat decode_unchanged(const std::string& bytes);
 
 /// Of grey pixels of 16 bits the upper 8.
-/// @return  Empty, or why that is no picture: it is of 12 bits or less in the lower ones.
-[[nodiscard]] std::string take_upper_bits(cv::Mat& pixels);
+/// @param is_deep  Of the camera: set by a picture that uses the upper bits, after which dark ones
+///                 are taken, too. Null = each picture is judged for itself.
+/// @return  Empty, or why that is no picture: it is of 12 bits or less in the lower ones. One that
+/// is black is a picture.
+[[nodiscard]] std::string take_upper_bits(cv::Mat& pixels, std::atomic<bool>* is_deep = nullptr);
+
+/// A copy. @param pixels  CV_8UC1.
+[[nodiscard]] GreyImage grey_of(const cv::Mat& pixels);
 
 /// @param image  8 or 16 bits, grey or B, G, R.
 /// @return       A PNG file, packed for speed rather than size.

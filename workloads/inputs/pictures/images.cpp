@@ -137,6 +137,23 @@ bool has_image_extension(const fs::path& file) {
   return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
 }
 
+/// Hidden ones are none.
+std::vector<fs::path> picture_files(const fs::path& folder) {
+  std::error_code failed;
+  fs::directory_iterator entries(folder, failed);
+  if (failed) {
+    throw_bad_input("cannot read the folder '" + folder.string() + "': " + failed.message());
+  }
+  std::vector<fs::path> files;
+  for (const auto& entry : entries) {
+    const auto& path = entry.path();
+    if (path.filename().string().starts_with('.') || !has_image_extension(path)) continue;
+    if (!entry.is_directory(failed)) files.push_back(path);
+  }
+  std::ranges::sort(files);
+  return files;
+}
+
 /// Pictures in their order, loaded when they are asked for: all of them may be larger than memory.
 class LoadedImages : public ImageSource {
  public:
@@ -257,18 +274,7 @@ class FileImages final : public LoadedImages {
 }  // namespace
 
 std::vector<fs::path> pictures_of(const fs::path& folder) {
-  std::error_code failed;
-  fs::directory_iterator entries(folder, failed);
-  if (failed) {
-    throw_bad_input("cannot read the folder '" + folder.string() + "': " + failed.message());
-  }
-  std::vector<fs::path> files;
-  for (const auto& entry : entries) {
-    const auto& path = entry.path();
-    if (path.filename().string().starts_with('.') || !has_image_extension(path)) continue;
-    if (!entry.is_directory(failed)) files.push_back(path);
-  }
-  std::ranges::sort(files);
+  auto files = picture_files(folder);
   if (files.empty()) {
     throw_bad_input("there are no PNG or JPEG files in '" + folder.string() +
                     "'; name a folder that has some, or one file");
@@ -289,7 +295,14 @@ Tensor rgb_pixels(const fs::path& file, bool alpha) {
 }
 
 std::unique_ptr<ImageSource> images_from(const fs::path& path, const std::string& topic) {
-  if (names_a_recording(path)) return std::make_unique<RecordedImages>(path, topic);
+  // As of a sequence: a recording beside pictures is what was made of them, or they of it.
+  std::error_code failed;
+  const bool is_pictures = topic.empty() && fs::is_directory(path, failed) &&
+                           !fs::exists(path / "metadata.yaml", failed) &&
+                           !picture_files(path).empty();
+  if (!is_pictures && names_a_recording(path)) {
+    return std::make_unique<RecordedImages>(path, topic);
+  }
   if (!topic.empty()) {
     throw_bad_input("'" + path.string() + "' is no recording, and has no topic " + topic);
   }

@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <cstring>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
@@ -37,6 +36,12 @@ struct Size {
   bool operator==(const Size&) const = default;
 };
 
+/// What is known of the camera.
+struct Expected {
+  std::optional<Size> size = {};
+  std::atomic<bool>* is_deep = nullptr;
+};
+
 /// Before memory is taken for the pixels.
 void check_size(const WireReader& in, const Size& size, const std::optional<Size>& expected) {
   if (!expected || size == *expected) return;
@@ -44,30 +49,28 @@ void check_size(const WireReader& in, const Size& size, const std::optional<Size
                       size.height, expected->width, expected->height));
 }
 
-void narrow(cv::Mat& pixels, const WireReader& in) {
-  const std::string why_not = take_upper_bits(pixels);
+void narrow(cv::Mat& pixels, const WireReader& in, const Expected& expected) {
+  const std::string why_not = take_upper_bits(pixels, expected.is_deep);
   if (!why_not.empty()) in.fail("is no grey picture: " + why_not);
 }
 
-cv::Mat decoded(const ImageMessage& message, const WireReader& in,
-                const std::optional<Size>& expected) {
+cv::Mat decoded(const ImageMessage& message, const WireReader& in, const Expected& expected) {
   const std::string bytes(message.data);
   const ImageCheck check = check_image(bytes);
   if (!check.header) in.fail("is no whole PNG or JPEG picture: " + check.problem);
-  check_size(in, {check.header->width, check.header->height}, expected);
+  check_size(in, {check.header->width, check.header->height}, expected.size);
   cv::Mat pixels = decode_unchanged(bytes);
   if (pixels.empty()) in.fail("has pixels that do not decode");
-  if (pixels.type() == CV_16UC1) narrow(pixels, in);
+  if (pixels.type() == CV_16UC1) narrow(pixels, in, expected);
   if (pixels.depth() != CV_8U) in.fail("has more than 8 bits a channel");
   cv::Mat plain = pixels;
   if (pixels.channels() == 4) cv::cvtColor(pixels, plain, cv::COLOR_BGRA2BGR);
   return plain;
 }
 
-cv::Mat plain(const ImageMessage& message, const WireReader& in,
-              const std::optional<Size>& expected) {
+cv::Mat plain(const ImageMessage& message, const WireReader& in, const Expected& expected) {
   const auto* encoding = std::ranges::find(kEncodings, message.encoding, &Encoding::name);
-  check_size(in, {message.width, message.height}, expected);
+  check_size(in, {message.width, message.height}, expected.size);
   const auto row = static_cast<std::size_t>(message.width) * CV_ELEM_SIZE(encoding->type);
   if (message.width == 0 || message.height == 0 || message.step < row) {
     in.fail("has rows that are shorter than its width");
@@ -78,7 +81,7 @@ cv::Mat plain(const ImageMessage& message, const WireReader& in,
   cv::Mat pixels;
   if (encoding->to_bgr == kAsItIs) {
     pixels = view.clone();
-    if (pixels.type() == CV_16UC1) narrow(pixels, in);
+    if (pixels.type() == CV_16UC1) narrow(pixels, in, expected);
   } else {
     cv::cvtColor(view, pixels, encoding->to_bgr);
   }
@@ -86,7 +89,7 @@ cv::Mat plain(const ImageMessage& message, const WireReader& in,
 }
 
 cv::Mat picture_of(const Recording& recording, std::size_t topic, std::size_t index,
-                   const std::optional<Size>& expected) {
+                   const Expected& expected) {
   const std::string bytes = recording.message(topic, index);
   auto in = recording.reader(topic, index, bytes);
   const ImageMessage message =
@@ -144,19 +147,14 @@ cv::Mat recorded_picture(const Recording& recording, std::size_t topic, std::siz
 }
 
 GreyImage recorded_grey(const Recording& recording, std::size_t topic, std::size_t index, int width,
-                        int height) {
-  cv::Mat pixels = picture_of(recording, topic, index, Size{width, height});
+                        int height, std::atomic<bool>* is_deep) {
+  cv::Mat pixels = picture_of(recording, topic, index, {Size{width, height}, is_deep});
   if (pixels.channels() == 3) {
     cv::Mat grey;
     cv::cvtColor(pixels, grey, cv::COLOR_BGR2GRAY);
     pixels = grey;
   }
-  GreyImage image{width, height, {}};
-  image.pixels.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  for (int y = 0; y < height; ++y) {
-    std::memcpy(image.row(y), pixels.ptr(y), static_cast<std::size_t>(width));
-  }
-  return image;
+  return grey_of(pixels);
 }
 
 }  // namespace pirt

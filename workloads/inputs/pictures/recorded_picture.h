@@ -1,6 +1,7 @@
 // Pictures of a recording's messages.
 #pragma once
 
+#include <atomic>
 #include <opencv2/core.hpp>
 
 #include "workloads/inputs/recording/messages.h"
@@ -23,8 +24,11 @@ namespace pirt {
 [[nodiscard]] cv::Mat recorded_picture(const Recording& recording, std::size_t topic,
                                        std::size_t index);
 
-/// In grey. @throws Error{kBadInput} also unless it is @p width x @p height.
+/// In grey.
+/// @param is_deep  As take_upper_bits.
+/// @throws Error{kBadInput} also unless it is @p width x @p height.
 [[nodiscard]] GreyImage recorded_grey(const Recording& recording, std::size_t topic,
-                                      std::size_t index, int width, int height);
+                                      std::size_t index, int width, int height,
+                                      std::atomic<bool>* is_deep);
 
 }  // namespace pirt

@@ -89,13 +89,12 @@ bool unpack_zstd(const ReadPacked& read, const Write& write) {
   std::size_t hint = 1;
   for (std::string piece = read(kPiece); !piece.empty(); piece = read(kPiece)) {
     ZSTD_inBuffer in{piece.data(), piece.size(), 0};
-    bool is_full = true;
-    while (in.pos < in.size || is_full) {
+    // The last byte of a frame is not taken before all that it holds was written.
+    while (in.pos < in.size) {
       ZSTD_outBuffer out{made.data(), made.size(), 0};
       hint = ZSTD_decompressStream(context.get(), &out, &in);
       if (ZSTD_isError(hint) != 0) return false;
       write(std::string_view(made).substr(0, out.pos));
-      is_full = out.pos == out.size;
     }
   }
   return hint == 0;

@@ -11,6 +11,7 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <utility>
 
 #include "workloads/base/error.h"
 #include "workloads/base/system/temporary.h"
@@ -164,16 +165,17 @@ class Db3 final : public Recording {
                         SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_URI);
       return;
     }
-    copy_ = recording_folder();
+    auto copy = recording_folder();
     beside.push_back(file);
     for (const fs::path& each : beside) {
-      fs::copy_file(each, copy_->path() / each.filename(), failed);
+      fs::copy_file(each, copy->path() / each.filename(), failed);
       if (!failed) continue;
       throw_environment("'" + each.string() + "' is copied to be read, and that fails: " +
                         failed.message() + "; name a folder with more room: TMPDIR=FOLDER");
     }
-    database_.emplace(file_, (copy_->path() / file.filename()).string(),
+    database_.emplace(file_, (copy->path() / file.filename()).string(),
                       SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX);
+    own(std::move(copy));
   }
 
   /// The file is somebody else's: a view or a column may be a program.
@@ -196,7 +198,6 @@ class Db3 final : public Recording {
     }
   }
 
-  std::unique_ptr<TemporaryFolder> copy_;
   std::optional<Database> database_;
   mutable std::mutex mutex_;  ///< Of the database, which has none.
 };

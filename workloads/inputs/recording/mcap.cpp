@@ -73,15 +73,15 @@ class Mcap final : public Recording {
     if (bytes_.size() < magic.size() || bytes_.read(0, magic.size()) != magic) {
       fail("is no MCAP recording, version 0: its magic number is another one");
     }
-    const auto footer = read_footer();
-    const bool is_indexed = footer && bytes_.size() > checked_bytes && read_index();
+    const bool is_whole = read_footer();
+    const bool is_indexed = is_whole && bytes_.size() > checked_bytes && read_index();
     if (!is_indexed) {
       attachments_ = metadata_ = 0;
       topics_.clear();
       chunks_.clear();
       schemas_.clear();
       channels_.clear();
-      read_all(footer.has_value());
+      read_all(is_whole);
     }
     finish();
   }
@@ -102,31 +102,27 @@ class Mcap final : public Recording {
     return Nanos(static_cast<std::int64_t>(stamp));
   }
 
-  struct Footer {
-    std::uint64_t summary_at = 0;
-  };
-  /// None if the file was cut off. Checks the summary.
-  [[nodiscard]] std::optional<Footer> read_footer() {
+  /// False if the file was cut off. Checks the summary.
+  [[nodiscard]] bool read_footer() {
     const auto magic = kMagic;
-    if (bytes_.size() < 2 * magic.size() + kFooterBytes) return std::nullopt;
+    if (bytes_.size() < 2 * magic.size() + kFooterBytes) return false;
     const std::uint64_t at = bytes_.size() - magic.size() - kFooterBytes;
     const std::string end = bytes_.read(at, kFooterBytes + magic.size());
     Fields fields(std::string_view(end).substr(kRecordHead));
-    if (!end.ends_with(magic) || end[0] != static_cast<char>(Op::kFooter)) return std::nullopt;
-    const Footer footer{fields.u64()};
+    if (!end.ends_with(magic) || end[0] != static_cast<char>(Op::kFooter)) return false;
+    const auto summary_at = fields.u64();
     fields.u64();  // of offsets in the summary
     const auto crc = fields.u32();
-    if (footer.summary_at == 0) return footer;
-    if (footer.summary_at < magic.size() || footer.summary_at > at ||
-        at - footer.summary_at > kMostChunkBytes) {
+    if (summary_at == 0) return true;
+    if (summary_at < magic.size() || summary_at > at || at - summary_at > kMostChunkBytes) {
       fail_at(at, "its summary is nowhere");
     }
-    summary_ = bytes_.read(footer.summary_at, at - footer.summary_at);
+    summary_ = bytes_.read(summary_at, at - summary_at);
     const auto covered = summary_ + end.substr(0, kFooterBytes - sizeof crc);
     if (crc != 0 && crc_of(covered) != crc) {
-      fail_at(footer.summary_at, "the checksum of its summary is wrong");
+      fail_at(summary_at, "the checksum of its summary is wrong");
     }
-    return footer;
+    return true;
   }
 
   [[nodiscard]] std::vector<std::pair<Op, std::string_view>> summary_records() const {
@@ -226,7 +222,7 @@ class Mcap final : public Recording {
     const Chunk& chunk = chunks_[number];
     check_compression(chunk.compression, file_);
     const bool is_packed = chunk.compression != "none";
-    return unpacked_->get(this, number, is_packed ? chunk.size : chunk.packed, [&] {
+    return unpacked_->get(this, chunk.data_at, is_packed ? chunk.size : chunk.packed, [&] {
       std::string content =
           is_packed ? unpack(chunk.compression, bytes_.pieces(chunk.data_at, chunk.packed),
                              chunk.size, file_)

@@ -3,12 +3,14 @@
 
 #include <cstdint>
 #include <deque>
+#include <exception>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
 
+#include "workloads/base/error.h"
 #include "workloads/base/system/file_descriptor.h"
 
 namespace pirt {
@@ -35,30 +37,37 @@ class RandomFile {
 /// A chunk is some hundred kilobytes; what says that it is more than this is damaged.
 inline constexpr std::uint64_t kMostChunkBytes = std::uint64_t{96} << 20;
 
-/// What was unpacked last, of all parts of a recording. Messages are asked for one after the other,
-/// of a few topics: first of all pictures their heads, which have the stamps, then picture by
-/// picture. What is no larger unpacked than the largest chunk is unpacked once; more is unpacked
-/// for either, since what was kept until then would have no end.
+/// What was unpacked last, or was damaged, of all parts of a recording. Messages are asked for one
+/// after the other, of a few topics: first of all pictures their heads, which have the stamps, then
+/// picture by picture. What is no larger unpacked than the largest chunk is unpacked once; more is
+/// unpacked for either, since what was kept until then would have no end.
 class ChunkCache {
  public:
   using Content = std::shared_ptr<const std::string>;
   /// @param file   Whose chunk it is.
+  /// @param chunk  Of the same file always the same one.
   /// @param bytes  What it takes, up to kMostChunkBytes: it is made room for before.
   template <typename Unpack>
   [[nodiscard]] Content get(const void* file, std::uint64_t chunk, std::uint64_t bytes,
                             const Unpack& unpack) {
     const std::lock_guard lock(mutex_);
     for (const Kept& each : kept_) {
-      if (each.chunk == chunk && each.file == file) return each.content;
+      if (each.chunk == chunk && each.file == file) return content_of(each);
     }
     while (!kept_.empty() && bytes_ + bytes > kMostChunkBytes) {
       bytes_ -= kept_.front().content->size();
       kept_.pop_front();
     }
-    const auto content = std::make_shared<const std::string>(unpack());
-    bytes_ += content->size();
-    kept_.push_back({file, chunk, content});
-    return content;
+    Kept made{file, chunk, nullptr, nullptr};
+    try {
+      made.content = std::make_shared<const std::string>(unpack());
+    } catch (const Error&) {  // or each of its messages would find it out
+      made.content = std::make_shared<const std::string>();
+      made.failure = std::current_exception();
+    }
+    bytes_ += made.content->size();
+    kept_.push_back(made);
+    return content_of(made);
   }
 
  private:
@@ -66,7 +75,12 @@ class ChunkCache {
     const void* file;
     std::uint64_t chunk;
     Content content;
+    std::exception_ptr failure;  ///< Null = it was whole.
   };
+  [[nodiscard]] static Content content_of(const Kept& kept) {
+    if (kept.failure != nullptr) std::rethrow_exception(kept.failure);
+    return kept.content;
+  }
   std::mutex mutex_;
   std::deque<Kept> kept_;  ///< The oldest first.
   std::size_t bytes_ = 0;

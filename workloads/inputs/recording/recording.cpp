@@ -11,6 +11,7 @@
 #include "workloads/base/text/text.h"
 #include "workloads/base/text/yaml.h"
 #include "workloads/inputs/recording/compression.h"
+#include "workloads/inputs/recording/restarts.h"
 
 namespace pirt {
 namespace {
@@ -104,7 +105,7 @@ class Joined final : public Recording {
                                     .has_seq = topics[i].has_seq})]
                            .places;
         for (std::size_t k = 0; k < topics[i].places.size(); ++k) {
-          places.push_back({topics[i].places[k].time, number << 32 | i, k});
+          places.push_back({topics[i].places[k].time, number << 32 | k, i});
         }
       }
       std::ranges::copy(parts_.back()->warnings(), std::back_inserter(warnings_));
@@ -114,8 +115,8 @@ class Joined final : public Recording {
 
  private:
   [[nodiscard]] std::string load(const Topic::Place& place, std::uint64_t most) const override {
-    constexpr std::uint64_t kTopic = 0xffffffff;
-    return parts_[place.at >> 32]->message(place.at & kTopic, place.part, most);
+    constexpr std::uint64_t kMessage = 0xffffffff;
+    return parts_[place.at >> 32]->message(place.part, place.at & kMessage, most);
   }
 
   std::vector<std::unique_ptr<Recording>> parts_;
@@ -199,9 +200,9 @@ void Recording::walk(const std::vector<Wanted>& topics, const Take& take) const 
   while (!next.empty()) {
     const auto first = std::ranges::min_element(
         next, {}, [this](const Next& each) { return time(each.of.topic, each.index); });
-    const auto [topic, most] = first->of;
-    take(topic, first->index, message(topic, first->index, most));
-    if (++first->index == topics_[topic].messages) next.erase(first);
+    const Wanted of = first->of;
+    take(of.topic, first->index, [&] { return message(of.topic, first->index, of.most); });
+    if (++first->index == topics_[of.topic].messages) next.erase(first);
   }
 }
 
@@ -216,7 +217,49 @@ std::size_t Recording::add(Topic topic) {
   return topics_.size() - 1;
 }
 
+/// By the topic with the most messages: what lies between two of them, where it begins anew, is of
+/// the run whose time is nearer.
+void Recording::keep_longest_run() {
+  using Place = Topic::Place;
+  const auto clock =
+      std::ranges::max_element(topics_, {}, [](const Topic& topic) { return topic.places.size(); });
+  if (clock == topics_.end()) return;
+  const auto at = [](const Place& place) { return std::pair(place.at, place.part); };
+  // rosbag has the index of a chunk in order of time.
+  if (!std::ranges::is_sorted(clock->places, {}, at)) std::ranges::sort(clock->places, {}, at);
+  if (std::ranges::is_sorted(clock->places, {}, &Place::time)) return;
+  std::vector<Nanos> stamps;
+  for (const Place& place : clock->places) stamps.push_back(place.time);
+  const auto restarts = restarts_of(stamps);
+  if (restarts.empty()) return;
+  const auto [begin, end] = longest_run(restarts, stamps);
+  const auto is_before = [&](const Place& place, const Place& last, const Place& next) {
+    if (at(place) <= at(last)) return true;
+    return at(place) < at(next) && place.time - next.time > last.time - place.time;
+  };
+  const bool is_first = begin == 0;
+  const bool is_last = end == stamps.size();
+  const auto edge = [&](std::size_t i) {
+    return std::pair(clock->places[i - 1], clock->places[i]);
+  };
+  const auto before = is_first ? std::pair<Place, Place>() : edge(begin);
+  const auto after = is_last ? std::pair<Place, Place>() : edge(end);
+  std::size_t left_out = 0;
+  for (Topic& topic : topics_) {
+    if (topic.name.ends_with("tf_static")) continue;  // it is said once, and has no time
+    left_out += std::erase_if(topic.places, [&](const Place& place) {
+      return (!is_first && is_before(place, before.first, before.second)) ||
+             (!is_last && !is_before(place, after.first, after.second));
+    });
+  }
+  warnings_.push_back(fmt::format(
+      "'{}': the clock that it was recorded by begins anew, as that of a simulator that was "
+      "restarted: the longest of {} runs is read, and {} messages of the others are left out",
+      file_, restarts.size() + 1, left_out));
+}
+
 void Recording::finish() {
+  keep_longest_run();
   for (Topic& topic : topics_) {
     if (!std::ranges::is_sorted(topic.places, {}, &Topic::Place::time)) {
       std::ranges::stable_sort(topic.places, {}, &Topic::Place::time);

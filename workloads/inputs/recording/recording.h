@@ -28,7 +28,8 @@ struct Topic {
   /// Whether heads of messages count, as those of ROS 1 do.
   bool has_seq = false;
 
-  /// In order of time. What the numbers mean is the format's.
+  /// In order of time. What the numbers mean is the format's; `at`, then `part`, say how messages
+  /// lie in the file.
   struct Place {
     Nanos time{};  ///< Of recording.
     std::uint64_t at = 0, part = 0;
@@ -79,7 +80,9 @@ class Recording {
     std::size_t topic = 0;
     std::uint64_t most = kWhole;
   };
-  using Take = std::function<void(std::size_t topic, std::size_t index, const std::string& bytes)>;
+  /// The bytes of a message. @throws Error{kBadInput} if they are damaged.
+  using Load = std::function<std::string()>;
+  using Take = std::function<void(std::size_t topic, std::size_t index, const Load& load)>;
   /// All messages of several topics in order of time, so that each chunk is unpacked once.
   void walk(const std::vector<Wanted>& topics, const Take& take) const;
   /// When it was recorded.
@@ -98,7 +101,8 @@ class Recording {
   [[nodiscard]] virtual std::string load(const Topic::Place& place, std::uint64_t most) const = 0;
   /// Position of the one with the same name, type and encoding, added if there is none.
   std::size_t add(Topic topic);
-  /// When all places are known: puts everything in order.
+  /// When all places are known: puts everything in order of time. Of a clock that begins anew the
+  /// longest run is kept, and said.
   void finish();
 
   std::string file_;
@@ -107,6 +111,8 @@ class Recording {
   std::size_t attachments_ = 0, metadata_ = 0;
 
  private:
+  void keep_longest_run();
+
   std::unique_ptr<TemporaryFolder> folder_;
 };
 

@@ -3,6 +3,8 @@
 #include <fmt/core.h>
 
 #include <Eigen/LU>
+#include <algorithm>
+#include <utility>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
@@ -42,6 +44,20 @@ Pose rigid_of(const YamlNode& node) {
   return pose;
 }
 
+/// Row by row. Of a camera that nobody has calibrated all are 0.
+Eigen::Matrix3d rotation_of_nine(const YamlNode& node) {
+  const auto rows = list_of(node, 9, 9);
+  if (std::ranges::all_of(rows, [](double each) { return each == 0; })) {
+    return Eigen::Matrix3d::Identity();
+  }
+  const Eigen::Matrix3d rotation =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rows.data());
+  if (!(rotation * rotation.transpose()).isIdentity(1e-3) || rotation.determinant() < 0) {
+    node.fail("is no rotation");
+  }
+  return nearest_rotation(rotation);
+}
+
 /// @param k  fx, fy, cx, cy
 void set_pinhole(CameraModel& model, const YamlNode& at, const std::vector<double>& k) {
   model.fx = k[0], model.fy = k[1], model.cx = k[2], model.cy = k[3];
@@ -73,8 +89,28 @@ GivenCamera kalibr_camera(const YamlNode& node) {
   if (node.has("timeshift_cam_imu")) {
     camera.imu_later_s = node.at("timeshift_cam_imu").number(-1, 1);
   }
-  if (node.has("T_cn_cnm1")) camera.before_from_camera = rigid_of(node.at("T_cn_cnm1")).inverse();
   return camera;
+}
+
+/// All of a camchain, each with its place in the first one's axes: the file has it in those of the
+/// camera before it.
+std::vector<GivenCamera> kalibr_cameras(const YamlNode& root) {
+  constexpr int kMost = 16;
+  std::vector<GivenCamera> cameras;
+  for (int i = 0; i < kMost; ++i) {
+    const std::string name = fmt::format("cam{}", i);
+    if (!root.has(name)) continue;
+    const YamlNode node = root.at(name);
+    GivenCamera camera = kalibr_camera(node);
+    if (cameras.empty()) {
+      camera.first_from_camera = Pose{};
+    } else if (node.has("T_cn_cnm1") && cameras.back().first_from_camera) {
+      camera.first_from_camera =
+          *cameras.back().first_from_camera * rigid_of(node.at("T_cn_cnm1")).inverse();
+    }
+    cameras.push_back(std::move(camera));
+  }
+  return cameras;
 }
 
 GivenCamera ros_camera(const YamlNode& node) {
@@ -96,6 +132,9 @@ GivenCamera ros_camera(const YamlNode& node) {
     rectified.width = camera.model.width;
     rectified.height = camera.model.height;
     set_pinhole(rectified, node.at("projection_matrix"), {p[0], p[5], p[2], p[6]});
+    if (node.has("rectification_matrix")) {
+      camera.rectified_from_raw = rotation_of_nine(node.at("rectification_matrix").at("data"));
+    }
   }
   return camera;
 }
@@ -125,9 +164,7 @@ std::vector<GivenCamera> read_calibration(const fs::path& path) {
   const YamlNode root = parse_yaml(path.string(), text);
   if (root.has("camera_matrix")) return {ros_camera(root)};
   if (root.has("intrinsics")) return {euroc_camera(path)};
-  for (const char* name : {"cam0", "cam1"}) {
-    if (root.has(name)) cameras.push_back(kalibr_camera(root.at(name)));
-  }
+  cameras = kalibr_cameras(root);
   if (cameras.empty()) {
     root.fail("is no calibration: Kalibr's has cam0, EuRoC's intrinsics, ROS's camera_matrix");
   }

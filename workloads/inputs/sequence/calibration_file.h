@@ -15,12 +15,15 @@ struct GivenCamera {
   std::string topic = {};  ///< Of its pictures; empty = the file does not say.
   /// Where it sits; absent = the file does not say.
   std::optional<Pose> body_from_camera = {},
-                      before_from_camera = {};  ///< Before: the camera before it.
-  std::optional<CameraModel> rectified = {};    ///< What its rectified pictures are of.
+                      first_from_camera = {};  ///< First: the file's first camera.
+  std::optional<CameraModel> rectified = {};   ///< What its rectified pictures are of.
+  /// From its axes to theirs.
+  Eigen::Matrix3d rectified_from_raw = Eigen::Matrix3d::Identity();
   double imu_later_s = 0;  ///< What the IMU's stamps of a moment are more than its own.
 };
 
-/// @param path  Kalibr's camchain (cam0, cam1, also with T_cam_imu), EuRoC's sensor.yaml or the
+/// @param path  Kalibr's camchain (cam0, cam1, ..., also with T_cam_imu), EuRoC's sensor.yaml or
+/// the
 ///              folder of cam0/sensor.yaml and cam1/sensor.yaml, or what ROS's camera_calibration
 ///              writes (camera_matrix).
 /// @throws Error{kBadInput} with file:line.

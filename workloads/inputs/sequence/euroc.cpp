@@ -4,8 +4,11 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cmath>
 #include <limits>
+#include <memory>
 
 #include "workloads/base/error.h"
 #include "workloads/base/math/pixel_index.h"
@@ -73,12 +76,6 @@ struct Stamped {
   Nanos time;
   std::string file;
 };
-
-template <typename Row>
-double rate_of(const std::vector<Row>& rows) {
-  const double span_s = rows.size() < 2 ? 0 : to_s(rows.back().time - rows.front().time);
-  return span_s > 0 ? static_cast<double>(rows.size() - 1) / span_s : 1;
-}
 
 /// cam0/data.csv: stamp, file.
 std::vector<Stamped> read_frames(const fs::path& camera, std::vector<std::string>& warnings) {
@@ -188,13 +185,19 @@ std::vector<GivenCamera> given_cameras(const fs::path& root, const ReadOptions& 
   return is_tum_vi ? read_calibration(tum_vi) : std::vector<GivenCamera>();
 }
 
+/// By name: of a folder without cam0 the second one is the first.
+std::vector<GivenCamera> cameras_of(const fs::path& root, std::vector<GivenCamera> given) {
+  if (given.size() > 1 && !fs::exists(root / "cam0")) given.erase(given.begin());
+  return given;
+}
+
 /// @param before  The camera before it, if there is one.
 CameraModel placed(const GivenCamera& given, const CameraModel* before, const std::string& name) {
   CameraModel model = given.model;
   if (given.body_from_camera) {
     model.body_from_camera = *given.body_from_camera;
-  } else if (before != nullptr && given.before_from_camera) {
-    model.body_from_camera = before->body_from_camera * *given.before_from_camera;
+  } else if (before != nullptr && given.first_from_camera) {
+    model.body_from_camera = before->body_from_camera * *given.first_from_camera;
   } else if (before != nullptr) {
     throw_bad_input("the calibration does not say where " + name + " sits");
   }
@@ -215,7 +218,7 @@ void read_cameras(const fs::path& root, const ReadOptions& options,
     } else if (camera < given.size()) {
       const CameraModel* const before = camera == 0 ? nullptr : &sequence.cameras.back();
       sequence.cameras.push_back(placed(given[camera], before, name));
-      sequence.cameras.back().rate_hz = rate_of(pictures.back());
+      sequence.cameras.back().rate_hz = usual_rate_hz(stamps_of(pictures.back()), 1);
     } else {
       throw_bad_input(fmt::format("the calibration has {} cameras, and '{}' has {}", given.size(),
                                   root.string(), name));
@@ -225,7 +228,8 @@ void read_cameras(const fs::path& root, const ReadOptions& options,
   std::vector<std::vector<std::string>> files(pictures.size());
   for (std::size_t camera = 0; camera < pictures.size(); ++camera) {
     check_step("'" + (folders[camera] / "data.csv").string() + "'", stamps_of(pictures[camera]),
-               sequence.cameras[camera].rate_hz, kFinestPicture_s);
+               given.empty() ? std::optional(sequence.cameras[camera].rate_hz) : std::nullopt,
+               kFinestPicture_s);
   }
   Partners partners;
   if (pictures.size() > 1) {
@@ -238,10 +242,11 @@ void read_cameras(const fs::path& root, const ReadOptions& options,
     files[1].push_back(partners[i] ? pictures[1][*partners[i]].file : "");
   }
   make_frames(sequence, stamps_of(pictures[0]), partners, {"cam0", "cam1"});
-  sequence.image = [folders, files, cameras = sequence.cameras](std::size_t frame,
-                                                                std::size_t camera) {
+  sequence.image = [folders, files, cameras = sequence.cameras,
+                    deep = std::make_shared<std::array<std::atomic<bool>, 2>>()](
+                       std::size_t frame, std::size_t camera) {
     return read_grey_image(folders[camera] / "data" / files[camera][frame], cameras[camera].width,
-                           cameras[camera].height);
+                           cameras[camera].height, &deep->at(camera));
   };
 }
 
@@ -252,9 +257,10 @@ void read_imu(const fs::path& root, Sequence& sequence) {
   sequence.imu = read_imu_csv(file, sequence.warnings);
   // TUM-VI has its model elsewhere, and the IMU as body.
   const bool is_given = !fs::exists(sensor) && !fs::exists(root / "cam0" / "sensor.yaml");
-  sequence.imu_model =
-      is_given ? ImuModel{.rate_hz = rate_of(sequence.imu)} : read_imu_yaml(sensor);
-  check_step("'" + file.string() + "'", stamps_of(sequence.imu), sequence.imu_model->rate_hz);
+  sequence.imu_model = is_given ? ImuModel{.rate_hz = usual_rate_hz(stamps_of(sequence.imu), 1)}
+                                : read_imu_yaml(sensor);
+  check_step("'" + file.string() + "'", stamps_of(sequence.imu),
+             is_given ? std::nullopt : std::optional(sequence.imu_model->rate_hz));
   if (is_given) {
     sequence.warnings.push_back("no imu0/sensor.yaml: the IMU is taken to be as noisy as EuRoC's");
     return;
@@ -365,7 +371,7 @@ Sequence read_euroc(const fs::path& folder, const ReadOptions& options) {
   const fs::path root = fs::exists(folder / "mav0") ? folder / "mav0" : folder;
   Sequence sequence;
   sequence.name = folder.string();
-  const auto given = given_cameras(root, options);
+  const auto given = cameras_of(root, given_cameras(root, options));
   read_cameras(root, options, given, sequence);
   const bool is_placed = given.empty() || given.front().body_from_camera;
   if (options.imu && is_placed) read_imu(root, sequence);

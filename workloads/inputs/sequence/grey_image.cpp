@@ -1,7 +1,6 @@
 // Grey pictures of a recorded camera, decoded as they are.
 #include <fmt/core.h>
 
-#include <cstring>
 #include <opencv2/imgproc.hpp>
 
 #include "workloads/base/error.h"
@@ -32,7 +31,8 @@ GreySize grey_size(const std::filesystem::path& file) {
   return {static_cast<int>(check.header->width), static_cast<int>(check.header->height)};
 }
 
-GreyImage read_grey_image(const std::filesystem::path& file, int width, int height) {
+GreyImage read_grey_image(const std::filesystem::path& file, int width, int height,
+                          std::atomic<bool>* is_deep) {
   const std::string bytes = read_file(file);
   const ImageCheck check = check_image(bytes);
   if (!check.header) refuse(file, check.problem);
@@ -45,19 +45,14 @@ GreyImage read_grey_image(const std::filesystem::path& file, int width, int heig
   if (pixels.type() == CV_8UC3) cv::cvtColor(pixels, pixels, cv::COLOR_BGR2GRAY);
   if (pixels.type() == CV_8UC4) cv::cvtColor(pixels, pixels, cv::COLOR_BGRA2GRAY);
   if (pixels.type() == CV_16UC1) {
-    const std::string why_not = take_upper_bits(pixels);
+    const std::string why_not = take_upper_bits(pixels, is_deep);
     if (!why_not.empty()) refuse(file, why_not);
   }
   if (pixels.type() != CV_8UC1) {
     refuse(file, fmt::format("it has {} channels of {} bits, expected 8, or grey of 16",
                              pixels.channels(), 8 * pixels.elemSize1()));
   }
-  GreyImage image{width, height, {}};
-  image.pixels.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  for (int y = 0; y < height; ++y) {
-    std::memcpy(image.row(y), pixels.ptr(y), static_cast<std::size_t>(width));
-  }
-  return image;
+  return grey_of(pixels);
 }
 
 }  // namespace pirt

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <charconv>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <optional>
 
 #include "workloads/base/error.h"
@@ -220,9 +222,11 @@ Sequence read_kitti(const fs::path& folder) {
   make_frames(sequence, stamps_of(shots), partners,
               {left.filename().string(), right.filename().string()});
   read_poses(folder / "poses.txt", sequence, numbers, shots);
-  sequence.image = [shots, size](std::size_t frame, std::size_t camera) {
+  sequence.image = [shots, size, deep = std::make_shared<std::array<std::atomic<bool>, 2>>()](
+                       std::size_t frame, std::size_t camera) {
     const Shot& shot = shots[frame];
-    return read_grey_image(camera == 0 ? shot.left : shot.right.value(), size.width, size.height);
+    return read_grey_image(camera == 0 ? shot.left : shot.right.value(), size.width, size.height,
+                           &deep->at(camera));
   };
   return sequence;
 }

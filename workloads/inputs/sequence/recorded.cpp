@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <functional>
 #include <map>
 #include <memory>
@@ -14,9 +15,8 @@
 #include "workloads/inputs/pictures/recorded_picture.h"
 #include "workloads/inputs/recording/messages.h"
 #include "workloads/inputs/recording/recording.h"
-#include "workloads/inputs/sequence/calibration_file.h"
-#include "workloads/inputs/sequence/camera_info.h"
 #include "workloads/inputs/sequence/imu_check.h"
+#include "workloads/inputs/sequence/recorded_calibration.h"
 #include "workloads/inputs/sequence/stamps.h"
 #include "workloads/inputs/sequence/transforms.h"
 
@@ -25,12 +25,6 @@ namespace {
 
 constexpr const char* kNone = "none";
 constexpr Nanos kUnusable = Nanos::min();  ///< Does not rise, so that it is left out.
-
-/// Empty for one that is in none.
-std::string folder_of(const std::string& topic) {
-  const auto slash = topic.rfind('/');
-  return slash == std::string::npos ? "" : topic.substr(0, slash);
-}
 
 struct PictureAt {
   Nanos time{};
@@ -42,9 +36,11 @@ struct Camera {
   std::size_t topic = 0;
   bool compressed = false;
   std::string frame = {};  ///< Of coordinates.
-  InfoCamera calibrated = {};
-  std::optional<GivenCamera> given = {};  ///< What a file says instead.
+  RecordedCalibration calibration = {};
   std::vector<PictureAt> pictures = {};
+
+  [[nodiscard]] CameraModel& model() { return calibration.camera.model; }
+  [[nodiscard]] const CameraModel& model() const { return calibration.camera.model; }
 };
 
 struct ImuTopic {
@@ -52,24 +48,6 @@ struct ImuTopic {
   std::string frame = {};
   std::vector<ImuSample> samples = {};
 };
-
-/// Without image_transport's part: "/cam0/image_raw" of "/cam0/image_raw/compressed".
-std::string base_topic(const std::string& topic) {
-  const bool is_part = topic.ends_with("/compressed") || topic.ends_with("/compressedDepth");
-  return is_part ? folder_of(topic) : topic;
-}
-
-bool is_rectified(const std::string& topic) {
-  const std::string base = base_topic(topic);
-  return base.substr(base.rfind('/') + 1).starts_with("image_rect");
-}
-
-bool has_lens(const CameraModel& model) {
-  const std::array terms = {model.k1, model.k2, model.p1, model.p2,
-                            model.k3, model.k4, model.k5, model.k6};
-  return model.lens != Lens::kRadialTangential ||
-         std::ranges::any_of(terms, [](double term) { return term != 0; });
-}
 
 /// Topics of one folder that are called so are one camera's, the first the plainest of them.
 constexpr std::array<std::string_view, 6> kSameCamera = {
@@ -93,15 +71,14 @@ class Reader {
       : recording_(std::move(recording)),
         options_(options),
         chosen_(options.topics),
-        given_(options.calibration.empty() ? std::vector<GivenCamera>()
-                                           : read_calibration(options.calibration)) {}
+        calibrations_(*recording_, options.calibration) {}
 
   Sequence read() {
     sequence_.name = recording_->file();
     sequence_.warnings = recording_->warnings();
     find_topics();
     read_messages();
-    for (Camera& camera : cameras_) finish_camera(camera);
+    for (std::size_t i = 0; i < cameras_.size(); ++i) finish_camera(i);
     read_inertial();
     place_cameras();
     frame_pictures();
@@ -113,21 +90,6 @@ class Reader {
   [[nodiscard]] const Topic& topic(std::size_t i) const { return recording_->topics()[i]; }
   [[noreturn]] void fail(const std::string& problem) const {
     throw_bad_input("'" + recording_->file() + "' " + problem);
-  }
-
-  /// The topic that was chosen, or the only one of the type.
-  [[nodiscard]] std::optional<std::size_t> one_of(const std::optional<std::string>& chosen,
-                                                  std::string_view type, const char* what) const {
-    if (chosen == kNone) return std::nullopt;
-    if (chosen) return checked(*chosen, {type});
-    const auto found = recording_->of_type(type);
-    if (found.size() > 1) {
-      std::vector<std::string> names;
-      for (const auto each : found) names.push_back(topic(each).name);
-      fail(fmt::format("has {} topics of {}; choose one: --topics {}={}, or none: {}", found.size(),
-                       type, what, names.front(), join(names, ", ")));
-    }
-    return found.empty() ? std::nullopt : std::optional(found.front());
   }
 
   [[nodiscard]] std::size_t checked(const std::string& name,
@@ -172,7 +134,7 @@ class Reader {
   /// Those of all topics that are used, in one pass.
   void read_messages() {
     constexpr std::uint64_t kHead = 4096;
-    // What opening gives need not be a message at all.
+    // Opening may fail, and what it gives need not be a message at all.
     using Open = std::function<WireReader()>;
     using Read = std::function<void(const Open&)>;
     std::vector<Recording::Wanted> wanted;
@@ -222,8 +184,12 @@ class Reader {
         });
       });
     }
-    recording_->walk(wanted, [&](std::size_t id, std::size_t index, const std::string& bytes) {
-      reads.at(id)([&] { return recording_->reader(id, index, bytes); });
+    recording_->walk(wanted, [&](std::size_t id, std::size_t index, const Recording::Load& load) {
+      std::string bytes;  // for as long as they are read
+      reads.at(id)([&] {
+        bytes = load();
+        return recording_->reader(id, index, bytes);
+      });
     });
     for (const auto& [id, problem] : unusable_) {
       sequence_.warnings.push_back(fmt::format("{} of {} messages of {} are left out: {}",
@@ -241,18 +207,6 @@ class Reader {
       auto& problem = unusable_.try_emplace(id, Unusable{0, error.what()}).first->second;
       ++problem.count;
     }
-  }
-
-  /// Of the first message that is one, among the first hundred: a sensor that starts may say
-  /// nonsense.
-  template <typename Read>
-  [[nodiscard]] auto first_message(std::size_t id, const Read& read) const {
-    constexpr std::size_t kTried = 100;
-    return first_usable(std::min(kTried, topic(id).messages), [&](std::size_t i) {
-      const std::string bytes = recording_->message(id, i);
-      auto in = recording_->reader(id, i, bytes);
-      return read(in);
-    });
   }
 
   /// The one or two topics with pictures, by what their first messages are.
@@ -294,97 +248,26 @@ class Reader {
 
   /// Why one of several topics is not to be taken; empty = it may be.
   [[nodiscard]] std::string no_camera(std::size_t id, const std::vector<std::size_t>& all) const {
-    const std::string why_not = first_message(id, [&](WireReader& in) {
+    const std::string why_not = first_message(*recording_, id, [&](WireReader& in) {
       return no_picture(read_image(in, topic(id).type == ImageMessage::kCompressedType));
     });
     if (!why_not.empty()) return why_not;
     for (const std::size_t other : all) {
       if (is_same_camera(topic(other).name, topic(id).name)) return "shows " + topic(other).name;
     }
-    if (!given_.empty()) return "";
-    const bool any_info = std::ranges::any_of(
-        all, [this](std::size_t each) { return info_of(topic(each).name).has_value(); });
-    return info_of(topic(id).name) || !any_info ? "" : "has no camera_info";
-  }
-
-  void finish_camera(Camera& camera) {
-    order(camera.pictures, camera.topic, kFinestPicture_s);
-    calibrate(camera);
-    if (camera.pictures.size() > 1) {
-      const Nanos span = camera.pictures.back().time - camera.pictures.front().time;
-      camera.calibrated.model.rate_hz =
-          static_cast<double>(camera.pictures.size() - 1) / to_s(span);
-    }
-  }
-
-  /// The topic of a camera's calibration. image_transport has the compressed one a level below.
-  [[nodiscard]] std::optional<std::size_t> info_of(const std::string& name) const {
-    std::optional<std::size_t> info;
-    const std::string beside = folder_of(name);
-    for (const std::string& folder : {folder_of(beside), beside}) {
-      for (const std::size_t each : recording_->of_type(CameraInfoMessage::kType)) {
-        if (topic(each).name == folder + "/camera_info") info = each;
-      }
-    }
-    return info;
-  }
-
-  /// By the topic that the file names, else by its place among the cameras.
-  [[nodiscard]] const GivenCamera& given(const std::string& name) {
-    const auto plain = [](const std::string& topic) {
-      return topic.starts_with('/') ? topic.substr(1) : topic;
-    };
-    for (const GivenCamera& each : given_) {
-      if (plain(each.topic) == plain(name)) return each;
-    }
-    const std::size_t place = topic(cameras_[0].topic).name == name ? 0 : 1;
-    if (place >= given_.size()) {
-      fail(fmt::format("has no calibration of {}: --calibration has {} of other cameras", name,
-                       given_.size()));
-    }
-    if (!given_[place].topic.empty()) {
-      sequence_.warnings.push_back(
-          fmt::format("the calibration of {} is taken for {}", given_[place].topic, name));
-    }
-    return given_[place];
-  }
-
-  void calibrate(Camera& camera) {
-    const std::string& name = topic(camera.topic).name;
-    if (!given_.empty()) {
-      camera.given = given(name);
-      CameraModel& model = camera.calibrated.model = camera.given->model;
-      if (!is_rectified(name) || !has_lens(model)) return;
-      if (camera.given->rectified) {
-        model = *camera.given->rectified;
-      } else {
-        sequence_.warnings.push_back(name +
-                                     " is rectified by its name, and its calibration has a lens: "
-                                     "if straight lines are straight in its pictures, give one "
-                                     "without (or ROS's, with its projection_matrix)");
-      }
-      return;
-    }
-    const auto info = info_of(name);
-    if (!info) {
-      fail(
-          fmt::format("has no calibration of {}: no sensor_msgs/CameraInfo on {}/camera_info; "
-                      "give a file that has it: --calibration camchain.yaml",
-                      name, folder_of(base_topic(name))));
-    }
-    const auto message = first_message(*info, [&](WireReader& in) {
-      const auto read = read_camera_info(in);
-      camera.calibrated = camera_of(in, read, is_rectified(name));
-      return read;
+    if (calibrations_.are_given()) return "";
+    const bool any_info = std::ranges::any_of(all, [this](std::size_t each) {
+      return calibrations_.info_of(topic(each).name).has_value();
     });
-    // As image_geometry takes it; a simulated camera has none, but a driver may not know it.
-    if (message.d.empty() && !is_rectified(name)) {
-      sequence_.warnings.push_back(
-          fmt::format("{} says nothing of a lens (D is empty), and {} is taken to have none; if "
-                      "straight lines are bent in its pictures, give their calibration: "
-                      "--calibration camchain.yaml",
-                      topic(*info).name, name));
-    }
+    return calibrations_.info_of(topic(id).name) || !any_info ? "" : "has no camera_info";
+  }
+
+  void finish_camera(std::size_t place) {
+    Camera& camera = cameras_[place];
+    order(camera.pictures, camera.topic, kFinestPicture_s);
+    camera.calibration = calibrations_.of(topic(camera.topic).name, place, sequence_.warnings);
+    double& rate_hz = camera.model().rate_hz;
+    rate_hz = usual_rate_hz(stamps_of(camera.pictures), rate_hz);
   }
 
   struct Inertial {
@@ -392,7 +275,8 @@ class Reader {
     bool has_gyro = false, has_accel = false;
   };
   [[nodiscard]] Inertial look_at_imu(std::size_t id) const {
-    const auto message = first_message(id, [](WireReader& in) { return ::pirt::read_imu(in); });
+    const auto message =
+        first_message(*recording_, id, [](WireReader& in) { return ::pirt::read_imu(in); });
     return {id, message.has_gyro, message.has_accel};
   }
 
@@ -458,7 +342,7 @@ class Reader {
     const std::string& frame = imus_[0].frame;
     for (ImuTopic& each : imus_) order(each.samples, each.topic);
     auto samples = std::move(imus_[0].samples);
-    const auto& given = cameras_.front().given;
+    const auto& given = cameras_.front().calibration.given;
     const bool is_placed = given && given->body_from_camera;
     if (!is_placed && !transforms_.between(frame, cameras_.front().frame)) {
       sequence_.warnings.push_back(
@@ -482,39 +366,33 @@ class Reader {
     sequence_.imu = std::move(samples);
     check_imu("'" + recording_->file() + "': " + name, sequence_.imu, sequence_.warnings);
     ImuModel& model = sequence_.imu_model.emplace();
-    const Nanos span = sequence_.imu.back().time - sequence_.imu.front().time;
-    if (span > Nanos::zero()) {
-      model.rate_hz = static_cast<double>(sequence_.imu.size() - 1) / to_s(span);
-    }
+    model.rate_hz = usual_rate_hz(stamps_of(sequence_.imu), model.rate_hz);
   }
 
   void place_cameras() {
     Camera& left = cameras_.front();
     if (body_.empty()) body_ = left.frame;
     const auto place = [this](const Camera& camera) -> Pose {
-      if (camera.given && camera.given->body_from_camera) {
-        return sequence_.imu.empty() ? Pose{} : *camera.given->body_from_camera;
+      const auto& given = camera.calibration.given;
+      if (given && given->body_from_camera) {
+        return sequence_.imu.empty() ? Pose{} : *given->body_from_camera;
       }
-      const Pose turned{camera.calibrated.picture_from_raw().transpose(), Eigen::Vector3d::Zero()};
+      const Pose turned{camera.calibration.camera.picture_from_raw().transpose(),
+                        Eigen::Vector3d::Zero()};
       return *transforms_.between(body_, camera.frame) * turned;
     };
-    left.calibrated.model.body_from_camera = place(left);
+    left.model().body_from_camera = place(left);
     if (cameras_.size() > 1) {
       Camera& right = cameras_[1];
-      const auto& to_left = right.given ? right.given->before_from_camera : std::nullopt;
-      const bool both = left.given && right.given && left.given->body_from_camera &&
-                        right.given->body_from_camera;
-      if (both) {
-        right.calibrated.model.body_from_camera =
-            left.calibrated.model.body_from_camera *
-            (left.given->body_from_camera->inverse() * *right.given->body_from_camera);
-      } else if (to_left) {
-        right.calibrated.model.body_from_camera = left.calibrated.model.body_from_camera * *to_left;
+      const InfoCamera& left_info = left.calibration.camera;
+      const InfoCamera& right_info = right.calibration.camera;
+      if (const auto from_right = left_from_right()) {
+        right.model().body_from_camera = left.model().body_from_camera * *from_right;
       } else if (right.frame != left.frame && transforms_.between(body_, right.frame)) {
-        right.calibrated.model.body_from_camera = place(right);
-      } else if (right.calibrated.right_of_left_m > 0) {
-        right.calibrated.model.body_from_camera =
-            left.calibrated.model.body_from_camera * left.calibrated.pose_of(right.calibrated);
+        right.model().body_from_camera = place(right);
+      } else if (right_info.right_of_left_m > 0) {
+        right.model().body_from_camera =
+            left.model().body_from_camera * left_info.pose_of(right_info);
       } else {
         sequence_.warnings.push_back(
             topic(right.topic).name +
@@ -522,7 +400,20 @@ class Reader {
         cameras_.resize(1);
       }
     }
-    for (const Camera& camera : cameras_) sequence_.cameras.push_back(camera.calibrated.model);
+    for (const Camera& camera : cameras_) sequence_.cameras.push_back(camera.model());
+  }
+
+  /// As a file says it.
+  [[nodiscard]] std::optional<Pose> left_from_right() const {
+    const auto& left = cameras_[0].calibration.given;
+    const auto& right = cameras_[1].calibration.given;
+    if (!left || !right) return std::nullopt;
+    for (const auto from : {&GivenCamera::body_from_camera, &GivenCamera::first_from_camera}) {
+      const std::optional<Pose>& of_left = (*left).*from;
+      const std::optional<Pose>& of_right = (*right).*from;
+      if (of_left && of_right) return of_left->inverse() * *of_right;
+    }
+    return std::nullopt;
   }
 
   void frame_pictures() {
@@ -534,39 +425,57 @@ class Reader {
     }
     make_frames(sequence_, left, partners,
                 {topic(cameras_.front().topic).name, topic(cameras_.back().topic).name});
-    if (cameras_.front().given) frames_by_imu(sequence_, cameras_.front().given->imu_later_s);
-    sequence_.image = [recording = recording_, partners, cameras = cameras_](std::size_t frame,
-                                                                             std::size_t camera) {
+    const auto& given = cameras_.front().calibration.given;
+    if (given) frames_by_imu(sequence_, given->imu_later_s);
+    sequence_.image = [recording = recording_, partners, cameras = cameras_,
+                       deep = std::make_shared<std::array<std::atomic<bool>, 2>>()](
+                          std::size_t frame, std::size_t camera) {
       const Camera& by = cameras[camera];
       const std::size_t picture = camera == 0 ? frame : partners[frame].value();
-      return recorded_grey(*recording, by.topic, by.pictures[picture].message,
-                           by.calibrated.model.width, by.calibrated.model.height);
+      return recorded_grey(*recording, by.topic, by.pictures[picture].message, by.model().width,
+                           by.model().height, &deep->at(camera));
     };
   }
 
-  /// A PoseStamped by its type alone; others, which may be what a robot believes of itself, by
-  /// name.
-  [[nodiscard]] std::optional<std::size_t> find_truth() const {
+  /// What has truth in its name, else a PoseStamped by its type alone: others may be what a robot
+  /// believes of itself.
+  [[nodiscard]] std::optional<std::size_t> find_truth() {
     const std::vector<std::string_view> types = {PoseMessage::kType, PoseMessage::kWithCovariance,
                                                  PoseMessage::kOdometry, PoseMessage::kTransform};
-    if (chosen_.truth && chosen_.truth != kNone) return checked(*chosen_.truth, types);
     if (chosen_.truth == kNone) return std::nullopt;
-    // A PoseStamped is also where a robot is to go.
-    std::vector<std::size_t> plain;
+    if (chosen_.truth) return checked(*chosen_.truth, types);
+    if (!options_.truth.empty()) return std::nullopt;
+    const auto has = [this](std::size_t id, const char* word) {
+      return topic(id).name.find(word) != std::string::npos;
+    };
+    std::vector<std::size_t> found;
+    std::vector<std::string> plain;
+    for (const auto type : types) {
+      for (const std::size_t each : recording_->of_type(type)) {
+        if (has(each, "truth")) found.push_back(each);
+      }
+    }
+    const bool is_named = !found.empty();
     for (const std::size_t each : recording_->of_type(PoseMessage::kType)) {
-      const bool is_wish = std::ranges::any_of(
-          std::array{"goal", "setpoint", "target", "cmd", "command"},
-          [&](const char* word) { return topic(each).name.find(word) != std::string::npos; });
-      if (!is_wish) plain.push_back(each);
+      // A PoseStamped is also where a robot is to go.
+      const bool is_wish =
+          std::ranges::any_of(std::array{"goal", "setpoint", "target", "cmd", "command"},
+                              [&](const char* word) { return has(each, word); });
+      if (is_wish || has(each, "truth")) continue;
+      found.push_back(each);
+      plain.push_back(topic(each).name);
     }
-    if (plain.size() == 1) return plain.front();
-    if (plain.size() > 1) return one_of(std::nullopt, PoseMessage::kType, "truth");
-    for (std::size_t i = 0; i < recording_->topics().size(); ++i) {
-      const bool is_truth = topic(i).name.find("truth") != std::string::npos;
-      const bool fits = std::ranges::find(types, topic(i).type) != types.end();
-      if (is_truth && fits && topic(i).messages > 0) return i;
+    if (found.empty()) return std::nullopt;
+    if (!is_named && plain.size() > 1) {
+      fail(fmt::format("has {} topics of {}; choose one: --topics truth={}, or none: {}",
+                       plain.size(), PoseMessage::kType, plain.front(), join(plain, ", ")));
     }
-    return std::nullopt;
+    if (!plain.empty()) {
+      sequence_.warnings.push_back(fmt::format(
+          "truth is taken to be {}{}; another one, or none: --topics truth=TOPIC",
+          topic(found.front()).name, is_named ? ", not " + join(plain, ", ") : ", by its type"));
+    }
+    return found.front();
   }
 
   /// What was not asked for, and is no truth, costs no recording.
@@ -626,7 +535,7 @@ class Reader {
   std::shared_ptr<const Recording> recording_;
   const ReadOptions& options_;
   const SequenceTopics& chosen_;
-  std::vector<GivenCamera> given_;
+  RecordedCalibrations calibrations_;
   Transforms transforms_;
   std::vector<Camera> cameras_;
   std::vector<ImuTopic> imus_;  ///< Two: gyroscope, accelerometer.
@@ -663,6 +572,9 @@ SequenceTopics parse_topics(const std::string& text) {
     topic = part.substr(equals + 1);
   }
   if (topics.left == kNone) throw_bad_input("--topics left=none leaves no camera");
+  if (topics.right && topics.right == topics.left) {
+    throw_bad_input("--topics names one topic as left and right; name two, or right=none");
+  }
   if (topics.right && !topics.left && topics.right != kNone) {
     throw_bad_input("--topics names the right camera's topic; name the left one's, too");
   }

@@ -84,6 +84,11 @@ void judge_truth(const Sequence& sequence, std::vector<std::string>& found) {
 std::vector<std::string> gaps_of(const Sequence& sequence) {
   std::vector<std::string> found;
   find_gaps(sequence.frames, "camera", found);
+  const auto stamps = stamps_of(sequence.frames);
+  if (!stamps.empty() && playing_times(stamps).back() < stamps.back() - stamps.front()) {
+    found.push_back(fmt::format("gaps of more than {:.0f} s between pictures are not waited for",
+                                to_s(kLongestPrediction)));
+  }
   judge_truth(sequence, found);
   find_gaps(sequence.imu, "IMU", found);
   if (sequence.imu.empty() || sequence.frames.empty()) return found;
@@ -132,6 +137,11 @@ Sequence read_layout(const fs::path& folder, const ReadOptions& options) {
                     "' is neither the folder of a sequence nor a recording of ROS (.bag, .db3, "
                     ".mcap, the last two also with .zstd behind)" +
                     (fs::exists(folder) ? "" : ": there is nothing of that name"));
+  }
+  if (is_kitti && !is_euroc && !options.calibration.empty()) {
+    throw_bad_input("'" + folder.string() +
+                    "' has its calibration in calib.txt; --calibration is of recordings and of "
+                    "EuRoC's layout");
   }
   if (is_euroc || is_kitti) {
     Sequence sequence = is_euroc ? read_euroc(folder, options) : read_kitti(folder);

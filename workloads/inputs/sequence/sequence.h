@@ -2,6 +2,7 @@
 // for. Where it came from (EuRoC folder, KITTI folder, generated scene) is not visible here.
 #pragma once
 
+#include <atomic>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -112,9 +113,11 @@ struct ReadOptions {
 [[nodiscard]] ImuModel read_imu_yaml(const std::filesystem::path& file);
 
 /// A PNG or JPEG file, in grey.
+/// @param is_deep  As take_upper_bits.
 /// @throws Error{kBadInput} naming the file unless it is whole, has 8 bits a channel, or grey of
 /// 16, and is @p width x @p height.
-[[nodiscard]] GreyImage read_grey_image(const std::filesystem::path& file, int width, int height);
+[[nodiscard]] GreyImage read_grey_image(const std::filesystem::path& file, int width, int height,
+                                        std::atomic<bool>* is_deep = nullptr);
 
 /// What a PNG's header says, for layouts whose calibration does not.
 struct GreySize {

@@ -5,11 +5,10 @@
 #include <algorithm>
 
 #include "workloads/base/error.h"
+#include "workloads/inputs/recording/restarts.h"
 
 namespace pirt {
-namespace {
 
-/// Zero for less than two.
 Nanos usual_step(const std::vector<Nanos>& stamps) {
   std::vector<Nanos> steps;
   for (std::size_t i = 1; i < stamps.size(); ++i) steps.push_back(stamps[i] - stamps[i - 1]);
@@ -19,7 +18,20 @@ Nanos usual_step(const std::vector<Nanos>& stamps) {
   return *middle;
 }
 
-}  // namespace
+double usual_rate_hz(const std::vector<Nanos>& stamps, double otherwise) {
+  const Nanos step = usual_step(stamps);
+  return step > Nanos::zero() ? 1 / to_s(step) : otherwise;
+}
+
+std::vector<Nanos> playing_times(const std::vector<Nanos>& stamps) {
+  const Nanos usual = usual_step(stamps);
+  std::vector<Nanos> times(stamps.size());
+  for (std::size_t i = 1; i < stamps.size(); ++i) {
+    const Nanos step = stamps[i] - stamps[i - 1];
+    times[i] = times[i - 1] + (step > kLongestPrediction ? usual : step);
+  }
+  return times;
+}
 
 void check_step(const std::string& what, std::vector<Nanos> stamps, std::optional<double> rate_hz,
                 double finest_s) {
@@ -69,6 +81,20 @@ void tell_of_rising(const std::string& what, std::size_t kept, std::size_t all,
     throw_bad_input(left_out + "; a sequence needs stamps of when its messages were made");
   }
   warnings.push_back(left_out);
+}
+
+std::pair<std::size_t, std::size_t> one_run(const std::string& what,
+                                            const std::vector<Nanos>& stamps,
+                                            std::vector<std::string>& warnings) {
+  const auto restarts = restarts_of(stamps);
+  const auto run = longest_run(restarts, stamps);
+  if (!restarts.empty()) {
+    warnings.push_back(fmt::format(
+        "the clock of {} begins anew after {} messages, as that of a simulator that was restarted: "
+        "of {} those of the longest run are used, {}",
+        what, restarts.front(), stamps.size(), run.second - run.first));
+  }
+  return run;
 }
 
 Partners pair_stamps(const std::vector<Nanos>& left, const std::vector<Nanos>& right,

@@ -2,6 +2,7 @@
 // one moment. Nothing is matched by its position.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <utility>
@@ -15,6 +16,15 @@ namespace pirt {
 /// For so long a robot is predicted that nothing is known of; after a longer gap where it is is a
 /// guess.
 inline constexpr Nanos kLongestPrediction = std::chrono::seconds(30);
+
+/// The median; zero for less than two.
+[[nodiscard]] Nanos usual_step(const std::vector<Nanos>& stamps);
+/// That of the usual step, which a pause does not change. @param otherwise  For less than two.
+[[nodiscard]] double usual_rate_hz(const std::vector<Nanos>& stamps, double otherwise);
+/// When each comes after the first, where they are played at their own rate. A step that is longer
+/// than kLongestPrediction, a pause or a clock that was set, takes as long as the usual one.
+/// @param stamps  Rise.
+[[nodiscard]] std::vector<Nanos> playing_times(const std::vector<Nanos>& stamps);
 
 /// No sensor of a robot has 100 kHz, and no camera 1 kHz.
 inline constexpr double kFinest_s = 1e-5, kFinestPicture_s = 1e-3;
@@ -55,10 +65,19 @@ template <typename Row>
   for (const Row& row : rows) stamps.push_back(row.time);
   return stamps;
 }
-/// What comes twice or late was recorded so: it is left out, and said.
+/// The longest run of a clock that begins anew (restarts.h), which is said: its first position, and
+/// that behind its last.
+[[nodiscard]] std::pair<std::size_t, std::size_t> one_run(const std::string& what,
+                                                          const std::vector<Nanos>& stamps,
+                                                          std::vector<std::string>& warnings);
+/// What comes twice or late was recorded so: it is left out, and said; so is what is of another
+/// run.
 template <typename Row>
 void keep_rising(std::vector<Row>& rows, const std::string& what,
                  std::vector<std::string>& warnings, Nanos after = Nanos::min()) {
+  const auto [begin, end] = one_run(what, stamps_of(rows), warnings);
+  rows.erase(rows.begin() + static_cast<std::ptrdiff_t>(end), rows.end());
+  rows.erase(rows.begin(), rows.begin() + static_cast<std::ptrdiff_t>(begin));
   std::vector<Row> kept;
   for (const std::size_t i : rising(stamps_of(rows), after)) kept.push_back(std::move(rows[i]));
   tell_of_rising(what, kept.size(), rows.size(), warnings);

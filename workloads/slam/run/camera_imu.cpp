@@ -9,6 +9,7 @@
 #include <span>
 
 #include "workloads/base/error.h"
+#include "workloads/inputs/sequence/stamps.h"
 #include "workloads/slam/run/pipeline.h"
 #include "workloads/slam/views/two_views.h"
 #include "workloads/vision/features.h"
@@ -245,12 +246,11 @@ std::optional<CameraImuFit> fit_camera_to_imu(const Sequence& sequence) {
 
 namespace {
 
-/// Of the samples within half a picture's period of each frame, body axes; zero where there are
-/// none.
+/// Of the samples within half a picture's usual period of each frame, body axes; zero where there
+/// are none.
 std::vector<Eigen::Vector3d> forces_of(const Sequence& sequence) {
   const auto& frames = sequence.frames;
-  const Nanos half = (frames.back().time - frames.front().time) /
-                     (2 * std::max<std::int64_t>(1, std::ssize(frames) - 1));
+  const Nanos half = usual_step(stamps_of(frames)) / 2;
   std::vector<Eigen::Vector3d> forces;
   for (const Frame& frame : frames) {
     const auto from =
@@ -333,8 +333,7 @@ ImuAlike compare_imu(const Sequence& sequence) {
   constexpr double kApart_s = 0.15;  // nearer ones see less of accelerations than of noise
   constexpr double kLeastTurn_rad = 0.01, kLeastChange_m_s2 = 0.2;
   if (sequence.imu.size() < 3 || sequence.frames.size() < 2) return {};
-  const double period_s = to_s(sequence.frames.back().time - sequence.frames.front().time) /
-                          static_cast<double>(sequence.frames.size() - 1);
+  const double period_s = to_s(usual_step(stamps_of(sequence.frames)));
   const auto apart =
       static_cast<std::size_t>(std::clamp(std::round(kApart_s / period_s), 1.0, kLength / 4.0));
   const Gyroscope gyroscope(sequence.imu);
@@ -352,7 +351,10 @@ ImuAlike compare_imu(const Sequence& sequence) {
       Eigen::Vector3d force = Eigen::Vector3d::Zero();
       bool is_known = true;
       for (std::size_t k = i - apart; k <= i + apart; ++k) {
-        is_known = is_known && frames[k].status == Status::kTracking && !forces[first + k].isZero();
+        // The run leaves out what cannot be read, and what follows moves up.
+        is_known = is_known && frames[k].status == Status::kTracking &&
+                   frames[k].pose.time == sequence.frames[first + k].time &&
+                   !forces[first + k].isZero();
         const auto weight = static_cast<double>(apart - (k < i ? i - k : k - i));
         force += weight / static_cast<double>(apart * apart) *
                  (frames[k].pose.body.rotation * forces[first + k]);

@@ -140,6 +140,9 @@ bool is_blank(const GreyImage& image) {
 }
 
 std::span<const ImuSample> samples_between(const Sequence& sequence, Nanos from, Nanos until) {
+  // Twice what start() waits for: how a robot was carried about before says nothing of it.
+  constexpr Nanos kBeforeFirst = std::chrono::milliseconds(500);
+  if (from == Nanos::zero()) from = until - kBeforeFirst;
   const auto& imu = sequence.imu;
   const auto after = [&](Nanos time) {
     return std::ranges::upper_bound(imu, time, {}, &ImuSample::time) - imu.begin();

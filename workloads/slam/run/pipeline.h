@@ -72,6 +72,7 @@ struct RunResult {
 [[nodiscard]] bool is_blank(const GreyImage& image);
 
 /// IMU samples from just before @p from to just after @p until.
+/// @param from  Zero = of a state that has not begun: half a second before @p until.
 [[nodiscard]] std::span<const ImuSample> samples_between(const Sequence& sequence, Nanos from,
                                                          Nanos until);
 

@@ -1,0 +1,48 @@
+#include "workloads/inputs/recording/restarts.h"
+
+#include <algorithm>
+
+namespace pirt {
+
+std::vector<std::size_t> restarts_of(const std::vector<Nanos>& stamps) {
+  constexpr Nanos kFall = std::chrono::seconds(1);
+  constexpr std::size_t kRun = 3, kFewOff = 1000;
+  const auto rise = [&](std::size_t from) {
+    return stamps[from] < stamps[from + 1] && stamps[from + 1] < stamps[from + 2];
+  };
+  std::vector<std::size_t> restarts;
+  for (std::size_t i = kRun; i + kRun <= stamps.size(); ++i) {
+    if (stamps[i - 1] - stamps[i] <= kFall || !rise(i - kRun) || !rise(i)) continue;
+    // All of the run before are later than where the next begins, and the other way round.
+    if (stamps[i - kRun] <= stamps[i] || stamps[i + kRun - 1] >= stamps[i - 1]) continue;
+    // A few that are far off lie within one run, which jumps to them and goes on behind them.
+    std::size_t late = i, early = i;
+    while (late > 0 && i - late < kFewOff && stamps[late - 1] > stamps[i]) --late;
+    while (early < stamps.size() && early - i < kFewOff && stamps[early] < stamps[i - 1]) ++early;
+    const auto jumps = [&](std::size_t to) {
+      return to > 0 && to < stamps.size() && stamps[to] - stamps[to - 1] > kFall;
+    };
+    if (!jumps(late) && !jumps(early)) restarts.push_back(i);
+  }
+  return restarts;
+}
+
+std::pair<std::size_t, std::size_t> longest_run(const std::vector<std::size_t>& restarts,
+                                                const std::vector<Nanos>& stamps) {
+  constexpr Nanos kMostStep = std::chrono::seconds(1);  // one that is far off counts for no more
+  std::pair<std::size_t, std::size_t> longest{0, 0};
+  Nanos most{-1};
+  std::size_t begin = 0;
+  for (std::size_t i = 0; i <= restarts.size(); ++i) {
+    const std::size_t end = i < restarts.size() ? restarts[i] : stamps.size();
+    Nanos lasts{0};
+    for (std::size_t k = begin + 1; k < end; ++k) {
+      lasts += std::clamp(stamps[k] - stamps[k - 1], Nanos::zero(), kMostStep);
+    }
+    if (lasts > most) longest = {begin, end}, most = lasts;
+    begin = end;
+  }
+  return longest;
+}
+
+}  // namespace pirt

@@ -1,0 +1,121 @@
+#include "workloads/inputs/sequence/recorded_calibration.h"
+
+#include <fmt/core.h>
+
+#include <array>
+
+#include "workloads/base/error.h"
+#include "workloads/inputs/recording/messages.h"
+
+namespace pirt {
+namespace {
+
+bool is_rectified(const std::string& topic) {
+  const std::string base = base_topic(topic);
+  return base.substr(base.rfind('/') + 1).starts_with("image_rect");
+}
+
+bool has_lens(const CameraModel& model) {
+  const std::array terms = {model.k1, model.k2, model.p1, model.p2,
+                            model.k3, model.k4, model.k5, model.k6};
+  return model.lens != Lens::kRadialTangential ||
+         std::ranges::any_of(terms, [](double term) { return term != 0; });
+}
+
+}  // namespace
+
+std::string folder_of(const std::string& topic) {
+  const auto slash = topic.rfind('/');
+  return slash == std::string::npos ? "" : topic.substr(0, slash);
+}
+
+std::string base_topic(const std::string& topic) {
+  const bool is_part = topic.ends_with("/compressed") || topic.ends_with("/compressedDepth");
+  return is_part ? folder_of(topic) : topic;
+}
+
+RecordedCalibrations::RecordedCalibrations(const Recording& recording,
+                                           const std::filesystem::path& file)
+    : recording_(recording),
+      given_(file.empty() ? std::vector<GivenCamera>() : read_calibration(file)) {}
+
+void RecordedCalibrations::fail(const std::string& problem) const {
+  throw_bad_input("'" + recording_.file() + "' " + problem);
+}
+
+std::optional<std::size_t> RecordedCalibrations::info_of(const std::string& name) const {
+  std::optional<std::size_t> info;
+  const std::string beside = folder_of(name);
+  for (const std::string& folder : {folder_of(beside), beside}) {
+    for (const std::size_t each : recording_.of_type(CameraInfoMessage::kType)) {
+      if (recording_.topics()[each].name == folder + "/camera_info") info = each;
+    }
+  }
+  return info;
+}
+
+/// By the topic that the file names, else by its place among the cameras.
+const GivenCamera& RecordedCalibrations::given(const std::string& name, std::size_t place,
+                                               std::vector<std::string>& warnings) const {
+  const auto plain = [](const std::string& topic) {
+    const std::string base = base_topic(topic);
+    return base.starts_with('/') ? base.substr(1) : base;
+  };
+  for (const GivenCamera& each : given_) {
+    if (plain(each.topic) == plain(name)) return each;
+  }
+  if (place >= given_.size()) {
+    fail(fmt::format("has no calibration of {}: --calibration has {} of other cameras", name,
+                     given_.size()));
+  }
+  if (!given_[place].topic.empty()) {
+    warnings.push_back(
+        fmt::format("the calibration of {} is taken for {}", given_[place].topic, name));
+  }
+  return given_[place];
+}
+
+RecordedCalibration RecordedCalibrations::of(const std::string& name, std::size_t place,
+                                             std::vector<std::string>& warnings) const {
+  RecordedCalibration found;
+  InfoCamera& camera = found.camera;
+  if (are_given()) {
+    const GivenCamera& by = found.given.emplace(given(name, place, warnings));
+    camera.model = by.model;
+    if (!is_rectified(name)) return found;
+    if (by.rectified) {
+      camera.model = *by.rectified;
+      camera.rectified_from_raw = by.rectified_from_raw;
+      camera.is_rectified = true;
+    } else if (has_lens(camera.model)) {
+      warnings.push_back(name +
+                         " is rectified by its name, and its calibration has a lens: if straight "
+                         "lines are straight in its pictures, give one without (or ROS's, with its "
+                         "projection_matrix)");
+    }
+    return found;
+  }
+  const auto info = info_of(name);
+  if (!info) {
+    fail(
+        fmt::format("has no calibration of {}: no sensor_msgs/CameraInfo on {}/camera_info; "
+                    "give a file that has it: --calibration camchain.yaml",
+                    name, folder_of(base_topic(name))));
+  }
+  const auto message = first_message(recording_, *info, [&](WireReader& in) {
+    const auto read = read_camera_info(in);
+    camera = camera_of(in, read, is_rectified(name));
+    return read;
+  });
+  // As image_geometry takes it; a simulated camera has none, but a driver may not know it.
+  if (message.d.empty() && !is_rectified(name)) {
+    warnings.push_back(
+        fmt::format("{} says nothing of a lens (D is empty), and {} is taken to have none; if "
+                    "straight lines are bent in its pictures, give their calibration: "
+                    "--calibration camchain.yaml",
+                    recording_.topics()[*info].name, name));
+  }
+  return found;
+}
+
+}  // namespace pirt
