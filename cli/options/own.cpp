@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <map>
 
 #include "characterize/platform/platform.h"
 #include "characterize/profile/own_rows.h"
@@ -41,31 +40,10 @@ void add_workloads(Command& command, OwnFiles& own) {
       .one_at_a_time();
 }
 
-namespace {
-
-/// Of several files: none takes the place of what another one has.
-class Names {
- public:
-  /// @throws Error{kBadInput} if an earlier file has one of them.
-  void add(const std::string& file, const std::set<std::string>& names) {
-    for (const std::string& name : names) {
-      const auto [known, is_new] = files_.emplace(name, file);
-      if (is_new || known->second == file) continue;
-      throw_bad_input(
-          fmt::format("workload {} is in {} and in {}; rename one", name, known->second, file));
-    }
-  }
-
- private:
-  std::map<std::string, std::string> files_;
-};
-
-}  // namespace
-
 void learn(const std::vector<std::string>& files) {
   constexpr Nanos kLimit = std::chrono::seconds(120);
   const JobRunner runner("/proc/self/exe", kLimit, nullptr);
-  Names names;
+  own::NamesOfFiles names;
   for (const std::string& file : files) {
     if (known_of(file).empty()) learn_workloads(runner, file);
     names.add(file, known_of(file));
@@ -73,7 +51,7 @@ void learn(const std::vector<std::string>& files) {
 }
 
 void load(const std::vector<std::string>& files) {
-  Names names;
+  own::NamesOfFiles names;
   for (const std::string& file : files) {
     std::set<std::string> its;
     for (const own::Definition& each : load_workloads(file)) its.insert(each.name);
@@ -99,11 +77,7 @@ void hold_against(Profile& profile, const std::vector<std::string>& files) {
       workloads = known_of(file);
     }
     const std::string changed = doubt_changed(profile, workloads, digest);
-    if (changed.empty()) continue;
-    warn(
-        fmt::format("{} is not what was measured: the rows of {} are uncertain; measure them "
-                    "again with pirt characterize --workloads {}",
-                    file, changed, file));
+    if (!changed.empty()) warn(own::not_as_measured(file, changed));
   }
 }
 

@@ -186,7 +186,7 @@ class Runtime::Engine final : private LiveDriver {
   void list_workload(const OwnWorkload& own);
   void list_states();
   void take_first_inputs();
-  void tell_limits() const;
+  void tell_limits();
   void open_units();
   void ended(UnitId unit, Call& call, CallEnd& end) override;
   void slice_ended(UnitId unit, Call& call) override;
@@ -244,6 +244,8 @@ class Runtime::Engine final : private LiveDriver {
   void tell_posted();
   void call_back(TaskRef task);
   void told(TaskRef task);
+  void post_line(const std::string& line);
+  void say(const std::string& line);
   void add_problem(std::string problem);
   void watch(const std::stop_token& stop);
   void wake_watcher();
@@ -313,6 +315,7 @@ class Runtime::Engine final : private LiveDriver {
   RuntimeStatistics counts_;
   Problems problems_;
   Nanos set_up_{0};
+  bool starting_ = true;  ///< Written before it has any task.
 
   runtime::Mutex bringing_back_;  ///< One unit at a time.
 
@@ -322,7 +325,7 @@ class Runtime::Engine final : private LiveDriver {
 
   runtime::Mutex telling_;
   TaskChain to_tell_;  ///< Those that ended in the turn of a thread that is not the runtime's.
-  std::vector<std::string> to_say_;  ///< Problems, where somebody wants to hear of them.
+  std::vector<std::string> to_say_;  ///< Lines, where somebody wants to hear of them.
   runtime::Atomic<bool> anything_to_tell_ = false;  ///< Of these two.
 
   runtime::Room room_;

@@ -126,7 +126,7 @@ LiveDriver::Expectation Runtime::Engine::expected(UnitId unit, const Call& call)
     return {.otherwise = kUnknownTimeLimit};
   }
   if (known.own == nullptr && !options_.profile) return {};
-  return {setup_->scenario.services.find(static_cast<WorkloadId>(index), unit)};
+  return {setup_->scenario.services.find(setup_->scenario.classes[index][0].workload, unit)};
 }
 
 /// The record is the call's own from then on, if the call is its unit's.
@@ -166,6 +166,7 @@ void Runtime::Engine::watch(const std::stop_token& stop) {
     work(Thread::kOurs);
     if (anything_to_tell_) tell_posted();
   }
+  if (anything_to_tell_) tell_posted();  // The watcher hears of nothing more.
 }
 
 }  // namespace pirt

@@ -18,6 +18,7 @@
 #include "workloads/catalog/own_files.h"
 #include "workloads/catalog/own_list.h"
 #include "workloads/own/definition.h"
+#include "workloads/own/own.h"
 
 namespace pirt {
 namespace {
@@ -73,7 +74,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
                    .spin = checked_spin(options_.spin),
                    .keeps = own_,
                    .stop = {},
-                   .progress = options_.progress,
+                   .progress = [this](const std::string& line) { say(line); },
                    .slices = suspends_calls(options_)},
                   *this) {
   const Nanos begin = clock_.now();
@@ -86,6 +87,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
   schedule.slices = suspends_calls(options_);
   setup_.emplace(set_up_mode(options_.platform, options_.profile ? &*options_.profile : nullptr,
                              mix_, schedule));
+  for (const std::string& warning : setup_->scenario.services.warnings) say(warning);
   if (setup_->mode.policy.planner != nullptr) {
     throw_bad_input("mode " + options_.mode +
                     " plans a whole mix ahead, and a runtime does not know what comes; take "
@@ -118,6 +120,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
   open_units();
   now_ = now();
   look_for_reach();  // Before the first task: nothing is given to what is out of reach.
+  starting_ = false;
   set_up_ = clock_.now() - begin;
   watcher_ = runtime::start_thread([this](const std::stop_token& stop) { watch(stop); });
   if (anything_to_tell_) wake_watcher();
@@ -145,15 +148,22 @@ std::string Runtime::Engine::name_of_rows(const Workload& made) const {
 
 /// Before anything is listed, so that others of the options may name what a file has, too.
 void Runtime::Engine::load_files() {
+  own::NamesOfFiles of_files;
   for (ServedWorkload& served : options_.workloads) {
     auto* const file = std::get_if<WorkloadFile>(&served);
     if (file == nullptr) continue;
     std::vector<std::string> names;
     const auto loaded = load_workloads(file->path);
     for (const own::Definition& each : loaded) names.push_back(each.name);
+    of_files.add(loaded.front().source, {names.begin(), names.end()});
     if (options_.profile) {
-      static_cast<void>(
-          doubt_changed(*options_.profile, {names.begin(), names.end()}, loaded.front().digest));
+      const std::string changed =
+          doubt_changed(*options_.profile, {names.begin(), names.end()}, loaded.front().digest);
+      if (!changed.empty()) say(own::not_as_measured(file->path, changed));
+    }
+    for (const std::string& name : file->workloads) {
+      if (std::ranges::find(names, own::plain_name(name)) != names.end()) continue;
+      throw_bad_input(file->path + " has no workload '" + name + "'" + suggestion(name, names));
     }
     if (file->workloads.empty()) file->workloads = std::move(names);
   }
@@ -318,14 +328,13 @@ void Runtime::Engine::take_first_inputs() {
 }
 
 /// Of own functions that say nothing of what they take.
-void Runtime::Engine::tell_limits() const {
-  if (options_.time_limit || !options_.progress) return;
+void Runtime::Engine::tell_limits() {
+  if (options_.time_limit) return;
   for (const Known& known : workloads_) {
     for (UnitId unit = 0; unit < units_.size() && known.own != nullptr; ++unit) {
       const std::string& name = options_.platform.units[unit].name;
       if (!contains(known.runs_on, unit) || known.own->expected.contains(name)) continue;
-      options_.progress(
-          known.own->name + " on " + name +
+      say(known.own->name + " on " + name +
           " does not say what it is expected to take: a call that has not ended after " +
           std::to_string(kUnknownTimeLimit / std::chrono::seconds(1)) +
           " s is taken for one that hangs");

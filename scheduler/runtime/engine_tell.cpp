@@ -5,12 +5,26 @@
 
 namespace pirt {
 
-void Runtime::Engine::add_problem(std::string problem) {
-  if (options_.problem) {
-    const std::lock_guard lock(telling_);
-    to_say_.push_back(problem);
-    anything_to_tell_ = true;
+/// To `problem`, without the turn.
+void Runtime::Engine::post_line(const std::string& line) {
+  if (!options_.problem) return;
+  const std::lock_guard lock(telling_);
+  to_say_.push_back(line);
+  anything_to_tell_ = true;
+}
+
+/// What is no problem yet: to `progress` while the runtime starts.
+void Runtime::Engine::say(const std::string& line) {
+  if (!starting_) {
+    post_line(line);
+    if (options_.problem) wake_watcher();
+    return;
   }
+  if (options_.progress) options_.progress(line);
+}
+
+void Runtime::Engine::add_problem(std::string problem) {
+  post_line(problem);
   problems_.add(std::move(problem));
 }
 

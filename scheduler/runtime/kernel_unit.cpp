@@ -9,6 +9,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/system/pause.h"
 #include "workloads/base/system/thread.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/model/ranges.h"
 #include "workloads/model/slices.h"
 
@@ -135,14 +136,13 @@ bool KernelUnit::stop_call(Lane& lane, const runtime::RunningCall::Seen& call) {
 
 bool KernelUnit::request_stop(const Running& call) { return stop_call(lanes_[call.lane], call); }
 
-bool KernelUnit::request_stop(Call& call) {
+void KernelUnit::request_stop(Call& call) {
   // Before it is looked for: one that begins meanwhile looks at this when it has.
-  const bool is_news = !call.unwanted.exchange(true);
+  call.unwanted.exchange(true);
   for (Lane& lane : lanes_) {
     const auto runs = lane.running.seen();
-    if (runs && runs->call == &call) return stop_call(lane, *runs);
+    if (runs && runs->call == &call) stop_call(lane, *runs);
   }
-  return is_news;
 }
 
 /// Null: nothing runs any more.
@@ -214,7 +214,8 @@ void KernelUnit::serve() {
       others.push_back(runtime::start_thread([this, &lane = lanes_[i]] {
         name_thread(name());
         static_cast<void>(take_priority(setup_.priority));
-        if (serve_calls(lane)) lane.kernels.clear();
+        serve_calls(lane);
+        lane.kernels.clear();
       }));
     }
   } catch (...) {
@@ -224,25 +225,24 @@ void KernelUnit::serve() {
     return;
   }
   started_.set();
-  if (!serve_calls(lanes_.front())) return;
+  serve_calls(lanes_.front());
   others.clear();
   // Where they were made: a driver may want its own thread.
   lanes_.front().kernels.clear();
   device_.reset();
 }
 
-/// False if a call was given up.
-bool KernelUnit::serve_calls(Lane& lane) {
+/// Until none is to come, or one was given up, which has ended after all.
+void KernelUnit::serve_calls(Lane& lane) {
   tell_stop_of_call(&lane.stop);
   lane_here = &lane;
   while (Call* const call = wait_for_call(lane)) {
     CallEnd end;
-    if (!run_call(lane, *call, end)) return false;
+    if (!run_call(lane, *call, end)) return;
     lane.telling = true;
     done_(*call, end);
     lane.telling = false;
   }
-  return true;
 }
 
 class KernelUnit::Slices final : public SliceListener {
@@ -264,8 +264,7 @@ bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
   lane.running.begin(call, begin);
   const Remote* const remote = remote_;
   // Who wants it no more, or stops the unit, saw this call or is seen here.
-  const bool begins = remote == nullptr || (!call.unwanted && !stopping_);
-  if (remote == nullptr && call.unwanted) lane.stop.request_stop();
+  const bool begins = !call.unwanted && (remote == nullptr || !stopping_);
   lane.paused = Nanos::zero();
   Slices slices(*this, lane, call, begin);
   const HearsSlices hears(suspends_calls() ? &slices : nullptr);
@@ -278,9 +277,8 @@ bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
   end.awake = std::exchange(lane.awake, Nanos::zero());
   const bool stopped = lane.stop.stop_requested();
   if (stopped) lane.stop = std::stop_source();
-  if (remote == nullptr) return true;
   const bool unwanted = stopped || call.unwanted;
-  end.excused = unwanted || !remote->is_reachable();
+  end.excused = end.excused || unwanted || (remote != nullptr && !remote->is_reachable());
   if (unwanted && end.outcome == Outcome::kReturned) end.problem.clear();  // As was asked for.
   return true;
 }
@@ -403,6 +401,9 @@ bool KernelUnit::execute(Lane& lane, Call& call, CallEnd& end) {
       return false;
     }
     end.version = compute(lane, held, call, end.times);
+  } catch (const CallFailed& error) {
+    // Who hears that nobody wants it any more may end so.
+    ended(call.unwanted ? Outcome::kReturned : Outcome::kFailed, error.what());
   } catch (const Error& error) {
     // The device could not; another may.
     const bool environment = error.code() == ErrorCode::kEnvironment;

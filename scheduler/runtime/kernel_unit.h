@@ -120,9 +120,10 @@ class KernelUnit {
   /// The calls that are suspended between two slices. Of one that was abandoned, never to end.
   [[nodiscard]] std::vector<Call*> suspended();
   /// Whoever made the call wants its result no more; it may hear of that. One that waits, or is
-  /// under way, elsewhere is withdrawn, and given back soon. @return  Whether that is news.
-  /// @param call  That it was given and that is not done, or one that runs.
-  bool request_stop(Call& call);
+  /// under way, elsewhere is withdrawn, and given back soon; so is one that waits here.
+  /// @param call  That it was given and that is not done.
+  void request_stop(Call& call);
+  /// The same of one that runs. @return  Whether that is news.
   bool request_stop(const Running& call);
   [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
   /// What it computes on, once it is ready; null = only functions run there.
@@ -177,7 +178,7 @@ class KernelUnit {
   class Slices;
 
   void serve();
-  bool serve_calls(Lane& lane);
+  void serve_calls(Lane& lane);
   void set_up();
   Call* wait_for_call(Lane& lane);
   bool spin(Lane& lane) const;

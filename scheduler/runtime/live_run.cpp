@@ -126,9 +126,7 @@ class LiveRun final : public Executor, private LiveDriver {
   /// As start.
   void resume(JobIndex /*job*/, UnitId unit) override { units_.go_on(unit); }
   /// As start.
-  void recall(JobIndex job, UnitId unit) override {
-    static_cast<void>(units_.request_stop(unit, call_of(job)));
-  }
+  void recall(JobIndex job, UnitId unit) override { units_.request_stop(unit, call_of(job)); }
 
  private:
   [[nodiscard]] Nanos now() const { return clock_.now() - start_; }
@@ -175,6 +173,10 @@ class LiveRun final : public Executor, private LiveDriver {
         known[kind.workload] = true;
         const Workload& workload = find_workload(scenario_.services.workloads[kind.workload]);
         check_code_is_here(workload);
+        // All of its sequence: nothing is made behind the mutex later.
+        for (int frame = 0; frame < workload.frames; ++frame) {
+          samples_.of(workload, static_cast<std::uint64_t>(frame));
+        }
         preparations.push_back({.workload = &workload, .sample = samples_.of(workload, 0)});
       }
     }

@@ -152,7 +152,7 @@ void LiveUnits::look_for_hung() {
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     if (units_[unit] == nullptr) continue;
     for (const KernelUnit::Running& call : units_[unit]->running()) {
-      const auto limit = limit_of(unit, driver_.expected(unit, *call.call));
+      const auto limit = limit_of(unit, *call.call);
       if (!limit) continue;
       const Nanos ran = clock_.now() - call.since;
       if (ran <= *limit) {
@@ -254,13 +254,13 @@ int LiveUnits::count_returns(UnitId unit, WorkloadId workload, const CallEnd& en
   return 0;
 }
 
-std::optional<Nanos> LiveUnits::limit_of(UnitId unit,
-                                         const LiveDriver::Expectation& expected) const {
+std::optional<Nanos> LiveUnits::limit_of(UnitId unit, const Call& call) const {
   if (options_.time_limit) return options_.time_limit;
   // Waiting for a link, a server or a worker is not hanging: the unit's backend ends it.
   if (units_[unit]->is_remote()) return std::nullopt;
+  const LiveDriver::Expectation expected = driver_.expected(unit, call);
   if (expected.service == nullptr) return expected.otherwise;
-  return time_limit(*expected.service, units_[unit]->has_own_clock());
+  return time_limit(*expected.service, units_[unit]->has_own_clock(), *call.workload);
 }
 
 }  // namespace pirt

@@ -112,7 +112,7 @@ class LiveUnits {
     let_in ? units_[unit]->let_in(call) : units_[unit]->run(call);
   }
   void go_on(UnitId unit) { units_[unit]->go_on(); }
-  bool request_stop(UnitId unit, Call& call) { return units_[unit]->request_stop(call); }
+  void request_stop(UnitId unit, Call& call) { units_[unit]->request_stop(call); }
 
   /// Another one in place of a unit that is out of service; any thread may make it, and hands it to
   /// whoever drives the units.
@@ -159,8 +159,7 @@ class LiveUnits {
   [[nodiscard]] std::unique_ptr<KernelUnit> make(UnitId unit,
                                                  std::vector<Preparation> preparations);
   void wait_until_ready(KernelUnit& unit, Nanos until) const;
-  [[nodiscard]] std::optional<Nanos> limit_of(UnitId unit,
-                                              const LiveDriver::Expectation& expected) const;
+  [[nodiscard]] std::optional<Nanos> limit_of(UnitId unit, const Call& call) const;
   void look_for_lost(UnitId unit);
   void give_up(UnitId unit, Call& call, Nanos ran, const std::vector<Call*>& behind);
   void give_up_for_good(UnitId unit, Call& call, CallEnd end);

@@ -213,9 +213,10 @@ struct RuntimeOptions {
   /// Tasks that have not ended: submit waits while there are so many.
   std::size_t most_tasks = 65'536;
   /// A call that takes longer puts its unit out of service for good. Absent = 50 times what it is
-  /// expected to take, and at least 5 s; 10 s of an own function that does not say what it expects
-  /// of the unit (`progress` hears of that); never of the catalog's without a profile. A unit
-  /// elsewhere stays in service: its call is withdrawn, and waited for.
+  /// expected to take, and at least 5 s, of a program (workloads/own) 5 s beyond its own limits;
+  /// 10 s of an own function that does not say what it expects of the unit (`progress` hears of
+  /// that); never of the catalog's without a profile. A unit elsewhere stays in service: its call
+  /// is withdrawn, and waited for.
   std::optional<Nanos> time_limit = {};
   /// Tasks with a nearer deadline are let in between two slices of a call, where it says that it
   /// can be suspended: some of the catalog's do (WorkloadSpec::slices), and an own function may by
@@ -229,8 +230,10 @@ struct RuntimeOptions {
   Nanos spin = kMostSpin;
   std::optional<std::string> trace = {};  ///< A file; see write_trace.
   int priority = 0;  ///< Above 0: units' threads at this real-time priority, where permitted.
-  std::function<void(const std::string&)> progress = {};  ///< A line each while it starts.
-  /// A line each for what goes wrong, when it does: failed calls, lost units, callbacks that throw.
+  /// A line each while it starts, from the thread that makes it; never afterwards.
+  std::function<void(const std::string&)> progress = {};
+  /// A line each for what goes wrong, when it does: failed calls, lost units, callbacks that throw;
+  /// once it has started also for units that get out of reach or within it, or are opened again.
   /// Called as a callback is.
   std::function<void(const std::string&)> problem = {};
 };

@@ -1,6 +1,7 @@
 // Inputs that nobody else gives, and the parameters: of each workload its recorded sequence.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -22,16 +23,18 @@ class Samples {
   [[nodiscard]] static std::uint64_t frame(const Workload& workload, std::uint64_t firing) {
     return firing % static_cast<std::uint64_t>(workload.frames);
   }
+  /// Made when it is first asked for.
   /// @param firing  Number of the firing.
   const std::shared_ptr<const Data>& of(const Workload& workload, std::uint64_t firing) {
     auto& frames = frames_[&workload];
-    if (frames.empty()) {
-      for (int frame = 0; frame < workload.frames; ++frame) {
-        frames.push_back(std::make_shared<const Data>(
-            workload.make_data({.seed = seed_, .images = images_.get(), .frame = frame})));
-      }
+    frames.resize(static_cast<std::size_t>(workload.frames));
+    const auto number = frame(workload, firing);
+    auto& data = frames[number];
+    if (data == nullptr) {
+      data = std::make_shared<const Data>(workload.make_data(
+          {.seed = seed_, .images = images_.get(), .frame = static_cast<int>(number)}));
     }
-    return frames[frame(workload, firing)];
+    return data;
   }
   /// The first frame has these inputs from now on.
   void begin_with(const Workload& workload, std::span<const Tensor> inputs) {

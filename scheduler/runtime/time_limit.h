@@ -6,6 +6,7 @@
 
 #include "scheduler/services/services.h"
 #include "workloads/base/time.h"
+#include "workloads/model/own_operation.h"
 
 namespace pirt {
 
@@ -24,9 +25,14 @@ inline constexpr Nanos kUnknownTimeLimit = std::chrono::seconds(10);
 /// @param service    What the call is expected to take.
 /// @param own_clock  The unit tells time by a clock of its own: how long this machine takes for a
 ///                   call does not follow from that.
-[[nodiscard]] inline Nanos time_limit(const Service& service, bool own_clock) {
+/// @param workload   That is called.
+[[nodiscard]] inline Nanos time_limit(const Service& service, bool own_clock,
+                                      const Workload& workload) {
   // Its own clock may be that of an emulator.
-  const Nanos least = own_clock ? std::chrono::seconds(60) : kLeastTimeLimit;
+  Nanos least = own_clock ? std::chrono::seconds(60) : kLeastTimeLimit;
+  // Who kills its program when that is late says more of it, and goes on.
+  const OwnOperation* const own = own_operation(workload);
+  if (own != nullptr) least = std::max(least, own->ends_by_itself + kLeastTimeLimit);
   const Nanos longest = scaled(service.total(), service.spread.high);
   return time_limit(longest + service.prepare.value_or(Nanos::zero()), least);
 }

@@ -13,10 +13,18 @@
 #include <string>
 #include <vector>
 
+#include "workloads/base/error.h"
 #include "workloads/model/backend.h"
 #include "workloads/model/workload.h"
 
 namespace pirt {
+
+/// A kernel says that this call of it failed: nothing is wrong with what it ran on, and no other
+/// unit is to try.
+class CallFailed : public Error {
+ public:
+  explicit CallFailed(const std::string& message) : Error(ErrorCode::kEnvironment, message) {}
+};
 
 /// Workload::kernel of all of them.
 inline constexpr const char* kOwnKernel = "own";
@@ -70,6 +78,8 @@ struct OwnOperation : Operation {
   std::function<std::function<void()>(const OpenclUnit& unit)> opencl_function;
 
   Nanos limit{0};  ///< Of a process that measures it: one that takes longer hangs.
+  /// What a call takes at most, with a start, before its kernel ends it; 0 = it does not.
+  Nanos ends_by_itself{0};
 
   /// Whether backend @p name has a kernel, and why not.
   [[nodiscard]] Support support_by(const std::string& name) const {

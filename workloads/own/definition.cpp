@@ -307,6 +307,7 @@ Workload make(const std::shared_ptr<const Definition>& shared, Size size) {
     operation->cpu = functions.cpu;
     operation->opencl = functions.opencl;
     operation->opencl_function = functions.opencl_function;
+    operation->ends_by_itself = functions.ends_by_itself;
     w.make_data = [inputs = w.inputs, parameters = w.parameters,
                    functions](const DataRequest& request) {
       return make_data(request, inputs, parameters, functions);

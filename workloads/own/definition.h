@@ -35,6 +35,7 @@ struct Functions {
   std::function<std::unique_ptr<Kernel>(std::span<const Tensor> parameters, int threads)> cpu = {};
   std::optional<OpenclSource> opencl = std::nullopt;
   std::function<std::function<void()>(const OpenclUnit& unit)> opencl_function = {};
+  Nanos ends_by_itself{0};  ///< As OwnOperation has it.
 };
 
 struct Size {

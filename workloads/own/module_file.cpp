@@ -11,10 +11,13 @@
 #include <limits>
 #include <memory>
 #include <mutex>
+#include <stop_token>
+#include <type_traits>
 #include <utility>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/printable.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/model/slices.h"
 #include "workloads/own/module.h"
 #include "workloads/own/own.h"
@@ -29,22 +32,36 @@ static_assert(PIRT_U8 == static_cast<int>(Element::kU8) &&
               PIRT_F32 == static_cast<int>(Element::kF32) &&
               PIRT_F64 == static_cast<int>(Element::kF64));
 
-/// What a function of the module says of a failure.
+/// What a function of the module says of a failure, and what says that its call is wanted no more:
+/// that token is of the thread that is called, and the module may ask from others, also by a copy
+/// of the call, which has this address too.
 class Message {
  public:
+  [[nodiscard]] static const Message& of(const pirt_call& call) {
+    return *reinterpret_cast<const Message*>(call.message);
+  }
   [[nodiscard]] char* data() { return text_.data(); }
   [[nodiscard]] std::size_t size() const { return text_.size(); }
+  [[nodiscard]] bool is_stopped() const { return stop_.stop_requested(); }
   /// @throws Error{kEnvironment} unless @p status is 0.
   void check(int status, const std::string& what) {
-    if (status == 0) return;
-    text_.back() = '\0';
-    throw_environment(fmt::format("{} failed with {}{}{}", what, status,
-                                  text_.front() == '\0' ? "" : ": ", text_.data()));
+    if (status != 0) throw_environment(failure(status, what));
+  }
+  /// @throws CallFailed unless @p status is 0.
+  void check_call(int status, const std::string& workload) {
+    if (status != 0) throw CallFailed(failure(status, workload));
   }
 
  private:
-  std::array<char, 512> text_{};
+  std::string failure(int status, const std::string& what) {
+    text_.back() = '\0';
+    return fmt::format("{} failed with {}{}{}", what, status, text_.front() == '\0' ? "" : ": ",
+                       text_.data());
+  }
+  std::array<char, 512> text_{};  ///< First: its address is the message's.
+  std::stop_token stop_ = stop_of_call();
 };
+static_assert(std::is_standard_layout_v<Message>);
 
 /// Whether a struct of the module is of a version that is known here.
 template <typename T>
@@ -121,28 +138,20 @@ std::vector<pirt_tensor> tensors_of(std::span<const Tensor> tensors) {
 }
 
 /// The rows that the module gave lists.
+/// @throws CallFailed
 void take_rows(const std::vector<pirt_tensor>& from, std::span<Tensor> to,
                const std::string& what) {
   for (std::size_t i = 0; i < to.size(); ++i) {
     if (!to[i].spec().varies) continue;
     if (from[i].rows < 0 || from[i].rows > to[i].dim(0)) {
-      throw_environment(
+      throw CallFailed(
           fmt::format("{} gave {} {} rows", what, to[i].spec().describe(), from[i].rows));
     }
     to[i].set_rows(from[i].rows);
   }
 }
 
-/// What a module is given the address of. The token is of the thread that is called; the module
-/// may ask from others.
-struct HeldCall : pirt_call {
-  explicit HeldCall(const pirt_call& call) : pirt_call(call) {}
-  std::stop_token stop = stop_of_call();
-};
-
-std::int32_t is_stopped(const pirt_call* call) {
-  return static_cast<const HeldCall*>(call)->stop.stop_requested() ? 1 : 0;
-}
+std::int32_t is_stopped(const pirt_call* call) { return Message::of(*call).is_stopped() ? 1 : 0; }
 
 void on_slice(const pirt_call* call) {
   static_cast<void>(call);
@@ -201,9 +210,9 @@ class ModuleKernel final : public Kernel {
                          .state = tensors_of(current_),
                          .next = tensors_of(next_),
                          .message = {}};
-    const HeldCall call(tensors.call(size_, threads_));
+    const pirt_call call = tensors.call(size_, threads_);
     for (int i = 0; i < repeats; ++i) {
-      tensors.message.check(functions_.run(kernel_, &call), name_);
+      tensors.message.check_call(functions_.run(kernel_, &call), name_);
     }
     take_rows(tensors.outputs, outputs_, name_);
     take_rows(tensors.next, next_, name_);
@@ -319,7 +328,7 @@ Functions functions_of(const pirt_workload& given, const std::string& where, Siz
                            .state = tensors_of(state),
                            .next = tensors_of(next),
                            .message = {}};
-      const HeldCall call(tensors.call(size, 1));
+      const pirt_call call = tensors.call(size, 1);
       tensors.message.check(given.reference(&call), name + ": its reference");
       take_rows(tensors.outputs, outputs, name);
       take_rows(tensors.next, next, name);

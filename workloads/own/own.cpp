@@ -42,6 +42,22 @@ std::string digest_of(const fs::path& file) {
   return digest(file, read_file(file, kAnySize));
 }
 
+void NamesOfFiles::add(const std::string& file, const std::set<std::string>& names) {
+  for (const std::string& name : names) {
+    const auto [known, is_new] = files_.emplace(name, file);
+    if (is_new || known->second == file) continue;
+    throw_bad_input(
+        fmt::format("workload {} is in {} and in {}; rename one", name, known->second, file));
+  }
+}
+
+std::string not_as_measured(const std::string& file, const std::string& workloads) {
+  return fmt::format(
+      "{} is not what was measured: the rows of {} are uncertain; measure them again with pirt "
+      "characterize --workloads {}",
+      file, workloads, file);
+}
+
 std::vector<Definition> load(const fs::path& file) {
   const fs::path path = fs::absolute(file).lexically_normal();
   check_is_file(path);

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -25,6 +27,20 @@ namespace pirt::own {
 /// What is read several times has to be one, or missing, which whoever opens it says.
 /// @throws Error{kBadInput}
 void check_is_file(const std::filesystem::path& path);
+
+/// Of several files: none takes the place of what another one has.
+class NamesOfFiles {
+ public:
+  /// @throws Error{kBadInput} if an earlier file has one of the names.
+  void add(const std::string& file, const std::set<std::string>& names);
+
+ private:
+  std::map<std::string, std::string> files_;  ///< By name.
+};
+
+/// What to say of a file that is another one than was measured.
+/// @param workloads  Whose rows are uncertain for that, as text.
+[[nodiscard]] std::string not_as_measured(const std::string& file, const std::string& workloads);
 
 // Of the two kinds, each in its file.
 [[nodiscard]] std::vector<Definition> load_module(const std::filesystem::path& file);

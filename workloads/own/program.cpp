@@ -196,10 +196,10 @@ class Process {
 
   /// It is reaped last, so that its group's number cannot be somebody else's by now.
   [[nodiscard]] bool has_ended() const {
+    if (pid_ <= 0) return true;
     siginfo_t info{};
-    return pid_ <= 0 ||
-           (::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) == 0 &&
-            info.si_pid == pid_);
+    const int got = ::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT);
+    return got == 0 ? info.si_pid == pid_ : errno == ECHILD;
   }
 
   /// Has one in the program's group end all of it when this process ends, however it does: the
@@ -230,8 +230,11 @@ class Process {
     for (const pid_t each : {pid_, watcher_}) {
       if (each <= 0) continue;
       ::kill(each, SIGKILL);
-      while (::waitpid(each, each == pid_ ? &status_ : nullptr, 0) < 0 && errno == EINTR) {
+      int status = 0;
+      pid_t got = 0;
+      while ((got = ::waitpid(each, &status, 0)) < 0 && errno == EINTR) {
       }
+      if (got == pid_) status_ = status;
     }
     pid_ = watcher_ = 0;
   }
@@ -245,12 +248,15 @@ class Process {
     for (int i = 0; i < 500 && !has_ended(); ++i) ::poll(nullptr, 0, 10);
     if (!has_ended()) fail("closed its standard output");
     end();
-    if (WIFSIGNALED(status_)) fail(fmt::format("crashed (signal {})", WTERMSIG(status_)));
-    if (WEXITSTATUS(status_) == 127) {
+    if (!status_) {
+      fail("has ended; how is not known, since this process ignores SIGCHLD or waits for all");
+    }
+    if (WIFSIGNALED(*status_)) fail(fmt::format("crashed (signal {})", WTERMSIG(*status_)));
+    if (WEXITSTATUS(*status_) == 127) {
       fail(fmt::format("cannot be started; '{}' is looked for in PATH, and with a '/' in {}",
                        program_.command.front(), program_.folder.string()));
     }
-    fail(fmt::format("ended with code {}", WEXITSTATUS(status_)));
+    fail(fmt::format("ended with code {}", WEXITSTATUS(*status_)));
   }
 
   void put(std::string_view text, Nanos until, Nanos limit) {
@@ -309,7 +315,7 @@ class Process {
   FileDescriptor to_, from_;
   FileDescriptor life_;
   pid_t pid_ = 0, watcher_ = 0;
-  int status_ = 0;
+  std::optional<int> status_;  ///< How it ended; absent where another one has asked.
   std::string buffer_;
   MachineClock clock_;
 };
@@ -434,7 +440,8 @@ class ProgramKernel final : public Kernel, public OtherProcess {
     fail(fmt::format("did not say in `rows` how many of {} there are", spec.describe()));
   }
 
-  /// @throws Error{kEnvironment} for an answer that is an error, as Process::ask.
+  /// @throws Error{kEnvironment} for an answer that is an error, of a call CallFailed; as
+  /// Process::ask.
   Json ask(const Json& line, Nanos limit) {
     Json answer;
     try {
@@ -445,9 +452,11 @@ class ProgramKernel final : public Kernel, public OtherProcess {
     }
     if (answer.contains("error")) {
       const Json& error = answer.at("error");
-      throw_environment(
+      const std::string why =
           fmt::format("{}: {}", program_.workload,
-                      error.is_string() ? error.get<std::string>() : json_text(error)));
+                      error.is_string() ? error.get<std::string>() : json_text(error));
+      if (line.contains("call")) throw CallFailed(why);
+      throw_environment(why);
     }
     return answer;
   }

@@ -30,7 +30,8 @@ struct Program {
 };
 
 /// Starts it, and times what a call that does nothing takes (Kernel::remarks). A call during which
-/// it ends or is over its time fails, and the next one starts it anew.
+/// it ends or is over its time fails, and the next one starts it anew; so does one that is stopped,
+/// which ends it. One that it answers with an error throws CallFailed.
 /// @throws Error{kEnvironment} if it does not get ready.
 [[nodiscard]] std::unique_ptr<Kernel> make_program_kernel(const Program& program,
                                                           std::span<const Tensor> parameters,

@@ -12,9 +12,11 @@
 #include "workloads/base/text/text.h"
 #include "workloads/base/text/yaml.h"
 #include "workloads/model/function_kernel.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/own/own.h"
 #include "workloads/own/program.h"
 #include "workloads/recognition/model.h"
+#include "workloads/recognition/opencv_threads.h"
 
 namespace pirt::own {
 namespace {
@@ -161,9 +163,10 @@ void read_program(const fs::path& file, const YamlNode& node, Definition& defini
     sized.inputs = at(program.inputs, size);
     sized.parameters = at(program.parameters, size);
     sized.outputs = at(program.outputs, size);
-    return Functions{.cpu = [sized](std::span<const Tensor> parameters, int threads) {
-      return make_program_kernel(sized, parameters, threads);
-    }};
+    return Functions{
+        .cpu = [sized](std::span<const Tensor> parameters,
+                       int threads) { return make_program_kernel(sized, parameters, threads); },
+        .ends_by_itself = sized.start_limit + sized.call_limit};
   };
 }
 
@@ -176,11 +179,12 @@ std::unique_ptr<Kernel> network_kernel(const std::string& name, const fs::path& 
         const Tensor& input = inputs.front();
         const std::vector<int> shape(input.spec().shape.begin(), input.spec().shape.end());
         std::string error;
-        const auto results = network->run(input.as<float>(), shape, threads, error);
-        if (!error.empty()) throw_environment(name + ": " + error);
+        const recognition::OpencvThreads in_use(threads);
+        const auto results = network->run(input.as<float>(), shape, error);
+        if (!error.empty()) throw CallFailed(name + ": " + error);
         for (std::size_t i = 0; i < outputs.size(); ++i) {
           if (i >= results.size() || results[i].shape != outputs[i].spec().shape) {
-            throw_environment(
+            throw CallFailed(
                 fmt::format("{}: output {} is not {}", name, i, outputs[i].spec().describe()));
           }
           std::ranges::copy(results[i].values, outputs[i].as<float>().begin());
@@ -193,7 +197,7 @@ std::vector<TensorSpec> outputs_of(recognition::Network& network, const TensorSp
   const std::vector<float> zeros(static_cast<std::size_t>(input.count()));
   const std::vector<int> shape(input.shape.begin(), input.shape.end());
   std::string error;
-  const auto results = network.run(zeros, shape, 0, error);
+  const auto results = network.run(zeros, shape, error);
   if (!error.empty()) {
     throw_bad_input("it does not run on " + input.describe() + ": " + error +
                     "; is that its input?");
@@ -318,7 +322,9 @@ std::vector<fs::path> named_files(const fs::path& file, const std::string& text)
   std::vector<fs::path> files;
   for (const YamlNode& node : root_of(file, text).items()) {
     if (node.has("opencl") && node.at("opencl").has("source")) {
-      static_cast<void>(with_includes(place(file, node.at("opencl").at("source").text()), files));
+      std::vector<fs::path> its;
+      static_cast<void>(with_includes(place(file, node.at("opencl").at("source").text()), its));
+      std::ranges::move(its, std::back_inserter(files));
     }
     for (const char* key : {"module", "network", "config"}) {
       if (node.has(key)) files.push_back(place(file, node.at(key).text()));

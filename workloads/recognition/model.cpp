@@ -12,6 +12,7 @@
 #include "workloads/base/text/numbers.h"
 #include "workloads/base/text/printable.h"
 #include "workloads/base/text/text.h"
+#include "workloads/recognition/opencv_threads.h"
 
 namespace pirt::recognition {
 namespace {
@@ -208,6 +209,7 @@ Model::Model(const ModelOptions& options) : file_(options.model.string()) {
   names_ = std::move(read.names);
   width_ = read.size[0];
   height_ = read.size[1];
+  threads_ = options.threads;
   network_ = open_network(
       read.bytes, fmt::format("'{}'{} as a model of {}", file_,
                               options.config ? " with '" + options.config->string() + "'" : "",
@@ -275,10 +277,11 @@ std::vector<float> network_input(const Tensor& image, int width, int height, Fit
 }
 
 std::vector<NetworkOutput> Model::run(const Tensor& image, Fit fit) {
+  const OpencvThreads in_use(threads_);  // Also of the resize.
   const auto input = network_input(image, width_, height_, fit, preprocess_);
   std::string error;
   const std::array shape = {1, 3, height_, width_};
-  auto outputs = network_->run(input, shape, 0, error);
+  auto outputs = network_->run(input, shape, error);
   if (!error.empty()) {
     throw_bad_input(
         fmt::format("the model '{}' does not run on {}x{} pixels: {}; is that its size, "

@@ -53,6 +53,7 @@ struct ModelOptions {
   /// letter_box=1.
   std::optional<Fit> fit = std::nullopt;
   std::string config_option = "--config";  ///< What the user gives `config` with.
+  int threads = 0;                         ///< As OpencvThreads.
 };
 
 /// Of all that its answers follow from but the picture: what the files hold, and how it is used.
@@ -78,7 +79,7 @@ class Model {
   /// @throws Error{kBadInput} naming the file that is no model, has no known format or does not fit
   /// its configuration; Error{kEnvironment} if libpirt_networks.so is not there.
   explicit Model(const ModelOptions& options);
-  /// A model that is in memory. @param name  For messages.
+  /// A model that is in memory, and computes on one thread. @param name  For messages.
   Model(std::string name, const ModelBytes& bytes, int width, int height, Preprocess preprocess);
 
   /// @param image  u8 [3, height, width], order R, G, B.
@@ -106,6 +107,7 @@ class Model {
   Fit fit_ = Fit::kStretch;
   int width_ = 0;
   int height_ = 0;
+  int threads_ = 1;
   std::vector<std::string> names_;
   std::unique_ptr<Network> network_;
 };

@@ -39,27 +39,6 @@ class SilentErrors {
   static inline logging::LogLevel before_ = logging::LOG_LEVEL_INFO;
 };
 
-/// OpenCV's threads, of which the process has one pool: those of one call at a time.
-class Threads {
- public:
-  explicit Threads(int count) : before_(count > 0 ? cv::getNumThreads() : 0) {
-    if (before_ == 0) return;
-    in_use_.lock();
-    cv::setNumThreads(count);
-  }
-  Threads(const Threads&) = delete;
-  Threads& operator=(const Threads&) = delete;
-  ~Threads() {
-    if (before_ == 0) return;
-    cv::setNumThreads(before_);
-    in_use_.unlock();
-  }
-
- private:
-  static inline std::mutex in_use_;
-  int before_;
-};
-
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
 
 class OpenCvNetwork : public Network {
@@ -70,9 +49,8 @@ class OpenCvNetwork : public Network {
   }
 
   std::vector<NetworkOutput> run(std::span<const float> input, std::span<const int> shape,
-                                 int threads, std::string& error) override {
+                                 std::string& error) override {
     const SilentErrors silent;
-    const Threads pool(threads);
     try {
       // OpenCV has no view of constant memory; it only reads.
       net_.setInput(cv::Mat(std::vector<int>(shape.begin(), shape.end()), CV_32F,

@@ -21,11 +21,11 @@ struct NetworkOutput {
 class Network {
  public:
   virtual ~Network() = default;
-  /// @param shape    Of the input, [1, 3, height, width] of a picture.
-  /// @param threads  To compute on; 0 = as many as the process has set.
-  /// @param error    Set if the network does not run on it; the outputs are empty then.
+  /// On as many threads as OpenCV has (opencv_threads.h).
+  /// @param shape  Of the input, [1, 3, height, width] of a picture.
+  /// @param error  Set if the network does not run on it; the outputs are empty then.
   virtual std::vector<NetworkOutput> run(std::span<const float> input, std::span<const int> shape,
-                                         int threads, std::string& error) = 0;
+                                         std::string& error) = 0;
 };
 
 /// The bytes of a model's files.

@@ -4,6 +4,7 @@
 #include <malloc.h>
 
 #include <algorithm>
+#include <atomic>
 #include <memory>
 #include <optional>
 
@@ -104,6 +105,11 @@ RuntimeOptions runtime_options(const RunRobotFlags& options) {
   runtime.slices = options.slices != "off";
   if (options.trace) runtime.trace = options.trace.path();
   runtime.progress = [](const std::string& line) { fmt::print(stderr, "pirt: {}\n", line); };
+  runtime.problem = [said = std::make_shared<std::atomic<int>>(0),
+                     say = runtime.progress](const std::string& line) {
+    constexpr int kMostLines = 200;
+    if (++*said <= kMostLines) say(line);
+  };
   return runtime;
 }
 
@@ -119,7 +125,7 @@ struct Robot {
     std::optional<Activities> companion;
     if (activities) options.companion = &companion.emplace(*activities);
     auto result = live ? localize_live(sequence, options) : localize_serially(sequence, options);
-    warn_all(result.problems);
+    if (!live) warn_all(result.problems);  // The runtime's were said as they came.
     const std::string mode = live ? options.runtime.mode : "";
     return robot_run(
         live ? fmt::format("live, mode {} on platform {}", mode, options.runtime.platform.name)

@@ -21,7 +21,7 @@ using testing::HasSubstr;
 struct Elsewhere {
   std::mutex mutex;
   std::condition_variable changed;
-  int under_way = 0, prepared = 0;
+  int under_way = 0, prepared = 0, devices = 0;
   bool answers = false, reachable = true, opens = true;
 
   template <typename Until>
@@ -67,7 +67,14 @@ class FarKernel : public Kernel {
 
 class HereDevice : public Device {
  public:
-  explicit HereDevice(Elsewhere& there) : there_(there) {}
+  explicit HereDevice(Elsewhere& there) : there_(there) {
+    there_.change([this] { ++there_.devices; });
+  }
+  ~HereDevice() override {
+    there_.change([this] { --there_.devices; });
+  }
+  HereDevice(const HereDevice&) = delete;
+  HereDevice& operator=(const HereDevice&) = delete;
   [[nodiscard]] DeviceInfo info() const override {
     return {.name = "test", .platform = {}, .version = {}};
   }
@@ -242,20 +249,35 @@ TEST_F(KernelUnitElsewhere, GivesBackWhatNobodyWantsThereAndThatAlone) {
 }
 
 TEST_F(KernelUnitElsewhere, GivesBackWhatIsNotWantedBeforeItBegan) {
-  const auto unit = open(1);
+  for (const bool far : {true, false}) {
+    there_.answers = false;
+    calls_.clear();
+    ends_.clear();
+    const auto unit = open(1, far);
+    ASSERT_TRUE(unit->wait_until_ready(20s));
+    unit->run(call(1));
+    ASSERT_TRUE(wait_for_under_way(1));
+    unit->run(call(2));
+    unit->run(call(3));
+    unit->request_stop(call(2));
+    there_.change([this] { there_.answers = true; });
+    ASSERT_TRUE(wait_for_end(3));
+    EXPECT_EQ(ends_[1].outcome, Outcome::kCompleted);
+    EXPECT_EQ(ends_[2].outcome, Outcome::kReturned);
+    EXPECT_TRUE(ends_[2].excused);
+    EXPECT_EQ(ends_[3].outcome, Outcome::kCompleted);
+  }
+}
+
+TEST_F(KernelUnitElsewhere, LetsGoOfItsDeviceWhenACallThatWasGivenUpEndsAfterAll) {
+  const auto unit = open(1, false);
   ASSERT_TRUE(unit->wait_until_ready(20s));
   unit->run(call(1));
   ASSERT_TRUE(wait_for_under_way(1));
-  unit->run(call(2));
-  unit->run(call(3));
-  EXPECT_TRUE(unit->request_stop(call(2)));
-  EXPECT_FALSE(unit->request_stop(call(2))) << "it is no news";
+  EXPECT_TRUE(unit->abandon(unit->running().front()).has_value());
   there_.change([this] { there_.answers = true; });
-  ASSERT_TRUE(wait_for_end(3));
-  EXPECT_EQ(ends_[1].outcome, Outcome::kCompleted);
-  EXPECT_EQ(ends_[2].outcome, Outcome::kReturned);
-  EXPECT_TRUE(ends_[2].excused);
-  EXPECT_EQ(ends_[3].outcome, Outcome::kCompleted);
+  EXPECT_TRUE(there_.wait([this] { return there_.devices == 0; }));
+  EXPECT_TRUE(ends_.empty());
 }
 
 TEST_F(KernelUnitElsewhere, ItsEndWaitsForNoAnswer) {

@@ -233,6 +233,61 @@ TEST(Runtime, AFunctionHearsThatNobodyWantsItsResult) {
   last.wait();  // And the runtime ends.
 }
 
+// What a call makes of that counts against nobody.
+TEST(Runtime, AFunctionThatFailsForItsCancellingIsAskedForAgain) {
+  static std::latch* begun = nullptr;
+  static std::atomic<bool> waits;
+  const auto impatient = own("impatient", 1, [](auto in, auto out) {
+    out[0].template as<double>()[0] = value_of(in);
+    if (!waits) return;
+    begun->count_down();
+    while (!stop_of_this_call().stop_requested()) std::this_thread::yield();
+    throw_environment("was stopped");
+  });
+  Runtime runtime(options_with({impatient}, kOneUnit));
+  waits = true;
+  for (int i = 0; i < LiveUnits::kMostReturns; ++i) {
+    std::latch one(1);
+    begun = &one;
+    const auto cancelled = runtime.submit("impatient", {number(1)});
+    one.wait();
+    runtime.cancel(cancelled);
+    EXPECT_EQ(cancelled.wait(), TaskEnd::kCancelled);
+  }
+  waits = false;
+  const auto next = runtime.submit("impatient", {number(7)});
+  EXPECT_EQ(value_of(next.get()), 7);
+  EXPECT_THAT(runtime.statistics().problems, testing::IsEmpty());
+}
+
+TEST(Runtime, ProgressHearsOfTheStartAloneAndWhatComesLaterMayAsk) {
+  std::atomic<bool> broken = true, started = false, late = false;
+  std::atomic<Runtime*> asked = nullptr;
+  std::binary_semaphore ready(0);
+  auto options = options_with({own("fickle", 1,
+                                   [&](auto, auto) {
+                                     if (broken) throw_environment("not now");
+                                   })},
+                              kOneUnit);
+  options.progress = [&](const std::string&) {
+    if (started) late = true;
+  };
+  options.problem = [&](const std::string& line) {
+    if (line != "cpu is ready") return;
+    static_cast<void>(asked.load()->statistics());
+    ready.release();
+  };
+  Runtime runtime(std::move(options));
+  asked = &runtime;
+  started = true;
+  for (int i = 0; i < LiveUnits::kMostReturns; ++i) runtime.submit("fickle", {number(1)}).wait();
+  EXPECT_FALSE(runtime.statistics().units[0].in_service);
+  broken = false;
+  runtime.bring_back("cpu");
+  EXPECT_TRUE(ready.try_acquire_for(20s));
+  EXPECT_FALSE(late.load());
+}
+
 TEST(Runtime, WhatHasNotStartedInTimeExpires) {
   std::binary_semaphore go(0);
   Runtime runtime(options_with(

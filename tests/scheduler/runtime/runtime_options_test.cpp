@@ -68,6 +68,16 @@ TEST(Runtime, PreparesWithInputsLikeThoseToCome) {
   EXPECT_EQ(*given, std::vector<double>());
 }
 
+TEST(Runtime, MakesNoInputsThatItDoesNotUse) {
+  Workload doubles = doubling(std::make_shared<std::vector<double>>());
+  doubles.frames = 1000;
+  doubles.make_data = [make = doubles.make_data](const DataRequest& request) {
+    if (request.frame > 0) throw_bad_input("nobody plays its sequence");
+    return make(request);
+  };
+  const Runtime runtime(options_with({doubles}, kOneUnit));
+}
+
 /// A background model of its own size and name.
 Workload background(const std::string& name, int width, int height) {
   Workload workload = vision::make_background_model(width, height);
@@ -104,7 +114,11 @@ TEST(Runtime, WithAProfileUnitsServeWhatTheyHaveValidRowsOf) {
     return options;
   };
   {
-    Runtime runtime(options_for(profile_of_sobel(false, true)));
+    std::vector<std::string> said;
+    RuntimeOptions one = options_for(profile_of_sobel(false, true));
+    one.progress = [&said](const std::string& line) { said.push_back(line); };
+    Runtime runtime(std::move(one));
+    EXPECT_THAT(said, testing::Contains(HasSubstr("sobel on cpu is not used")));
     const auto images = generated_images(1);
     const Data data = find_workload("sobel").make_data({.seed = 1, .images = images.get()});
     for (int i = 0; i < 10; ++i) {
@@ -158,6 +172,8 @@ TEST(Runtime, ServesWorkloadsOfFiles) {
   RuntimeOptions absent = options_with({});
   absent.workloads = {"sobel", WorkloadFile{"/no/such/libmine.so"}};
   EXPECT_THAT(refusal(std::move(absent)), HasSubstr("libmine.so"));
+  EXPECT_THAT(refusal(options_with({WorkloadFile{test::kExampleModule, {"sobel"}}})),
+              AllOf(HasSubstr("has no workload 'sobel'"), HasSubstr("mine.sobel")));
 }
 
 TEST(Runtime, TasksOfAStateHoldItOneAtATimeInOrder) {

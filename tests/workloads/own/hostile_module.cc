@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <pirt/module.hpp>
@@ -20,6 +21,17 @@ void copy(const Call& call) {
 void crash(const Call&) { std::abort(); }
 void hang(const Call& call) {
   while (!call.is_stopped()) ::usleep(1000);
+}
+/// As one with threads of its own may: they have a copy of the call.
+void wait_by_a_copy(const Call& call) {
+  struct Job {
+    pirt_call call;
+    std::uintptr_t behind[4] = {1, 1, 1, 1};
+  };
+  const Job job{call.raw()};
+  std::thread([&job] {
+    while (job.call.is_stopped(&job.call) == 0) ::usleep(1000);
+  }).join();
 }
 void write_beyond(const Call& call) {
   copy(call);
@@ -88,9 +100,9 @@ Workload lists(const char* name) {
 }  // namespace
 
 PIRT_MODULE(copies("good").cpu<copy>().reference<copy>(), copies("crash").cpu<crash>(),
-            copies("hang").cpu<hang>(), copies("beyond").cpu<write_beyond>(),
-            copies("far_beyond").cpu<write_far_beyond>(), copies("throws").cpu<throw_something>(),
-            copies("throws_5").cpu<throw_a_number>(),
+            copies("hang").cpu<hang>(), copies("waits_by_a_copy").cpu<wait_by_a_copy>(),
+            copies("beyond").cpu<write_beyond>(), copies("far_beyond").cpu<write_far_beyond>(),
+            copies("throws").cpu<throw_something>(), copies("throws_5").cpu<throw_a_number>(),
             copies("prints").cpu<print>().reference<copy>(), copies("ends").cpu<end>(),
             copies("thread").cpu<leave_a_thread>(),
             copies("wrong").cpu<be_wrong>().reference<copy>(),

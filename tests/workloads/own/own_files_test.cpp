@@ -10,6 +10,7 @@
 #include <fstream>
 #include <map>
 #include <numeric>
+#include <stop_token>
 
 #include "tests/support/errors.h"
 #include "tests/support/paths.h"
@@ -17,6 +18,7 @@
 #include "workloads/base/text/text.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/model/player.h"
+#include "workloads/model/slices.h"
 #include "workloads/own/own.h"
 #include "workloads/own/program.h"
 #include "workloads/vision/vision.h"
@@ -86,6 +88,19 @@ TEST_F(OwnModule, HasStatesListsAndSizes) {
   for (const char* name : {"bad.throws", "bad.throws_5", "bad.too_many"}) {
     EXPECT_THROW(static_cast<void>(play(find(all, name))), Error) << name;
   }
+}
+
+TEST_F(OwnModule, HearsByACopyOfItsCallThatItIsStopped) {
+  const Workload waits = find(load(test::kHostileModule), "bad.waits_by_a_copy");
+  const auto kernel = own_operation(waits)->cpu({}, 1);
+  const auto inputs = make_tensors(waits.inputs);
+  auto outputs = make_tensors(waits.outputs);
+  std::stop_source stop;
+  stop.request_stop();
+  tell_stop_of_call(&stop);
+  kernel->bind(inputs, outputs);
+  EXPECT_NO_THROW(static_cast<void>(kernel->execute(1)));
+  tell_stop_of_call(nullptr);
 }
 
 TEST_F(OwnModule, OfVersion1IsLoadedForEver) {
@@ -253,6 +268,17 @@ TEST_F(WorkloadFile, TakesWhatASourceIncludes) {
               HasSubstr("includes itself"));
 }
 
+TEST_F(WorkloadFile, MayNameManySources) {
+  write("k.cl", "__kernel void k(__global uchar* a) { a[0] = 1; }\n");
+  std::string text = "workloads:\n";
+  for (int i = 0; i <= 100; ++i) {
+    text += "  - name: my.k" + std::to_string(i) +
+            "\n    outputs: {a: \"u8[4]\"}\n"
+            "    opencl: {source: k.cl, kernel: k, global: [4], args: [a]}\n";
+  }
+  EXPECT_NO_THROW(static_cast<void>(digest_of(write("w.yaml", text))));
+}
+
 TEST_F(WorkloadFile, ItsDigestIsOfWhatItNamesToo) {
   const auto file = write("w.yaml",
                           "workloads:\n  - name: my.k\n    outputs: {a: \"u8[4]\"}\n"
@@ -365,6 +391,22 @@ TEST_F(OwnProgramRun, ThatFailsIsStartedAnew) {
     EXPECT_THAT(failure(*kernel), AllOf(HasSubstr("my.p"), HasSubstr(why)));
     EXPECT_THAT(call(*kernel), ElementsAre(2, 3, 4));
   }
+}
+
+// Its end is seen all the same, and at once.
+TEST_F(OwnProgramRun, ThatCrashesWhereNobodyHearsOfChildrenHasEnded) {
+  struct Ignored {
+    sighandler_t before = ::signal(SIGCHLD, SIG_IGN);
+    Ignored() = default;
+    Ignored(const Ignored&) = delete;
+    Ignored& operator=(const Ignored&) = delete;
+    ~Ignored() { ::signal(SIGCHLD, before); }
+  };
+  const Ignored ignored;
+  const Program bad = program("", "os.abort()");
+  bind(bad);
+  const auto kernel = make_program_kernel(bad, {}, 1);
+  EXPECT_THAT(failure(*kernel), AllOf(HasSubstr("my.p"), HasSubstr("has ended; how is not known")));
 }
 
 TEST_F(OwnProgramRun, ThatAnswersUnaskedIsFoundOut) {

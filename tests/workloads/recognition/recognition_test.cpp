@@ -7,12 +7,15 @@
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <thread>
 
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
 #include "workloads/base/text/text.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/recognition/describe_scene.h"
+#include "workloads/recognition/opencv_threads.h"
 
 namespace pirt::recognition {
 namespace {
@@ -188,6 +191,44 @@ TEST_F(Models, OfOnnxRun) {
   EXPECT_THAT(names_of(classify(model, plain(0, 10, 250), 2)), ElementsAre("blue", "green"));
   EXPECT_THAT(bad_input([&] { static_cast<void>(detect_objects(model, plain(0, 0, 0), {})); }),
               AllOf(HasSubstr("no detector"), HasSubstr("[1, 3]")));
+}
+
+/// OpenCV's count of threads, which the process has again afterwards.
+class CountOfThreads {
+ public:
+  explicit CountOfThreads(int count) { cv::setNumThreads(count); }
+  ~CountOfThreads() { cv::setNumThreads(before_); }
+  CountOfThreads(const CountOfThreads&) = delete;
+  CountOfThreads& operator=(const CountOfThreads&) = delete;
+
+ private:
+  int before_ = cv::getNumThreads();
+};
+
+TEST_F(Models, OfOneThreadLeaveTheCountAsItWas) {
+  const CountOfThreads four(4);
+  const auto file = write("m.onnx", mean_colour_onnx());
+  const auto run = [&file] {
+    ModelOptions options{file, std::nullopt, std::nullopt, {{8, 8}}};
+    options.threads = 1;
+    Model model(options);
+    for (int i = 0; i < 100; ++i) {
+      EXPECT_EQ(model.run(plain(1, 2, 3), Fit::kStretch).size(), 1U);
+    }
+  };
+  { const std::jthread one(run), other(run); }
+  EXPECT_EQ(cv::getNumThreads(), 4);
+}
+
+// A kernel that computes on the calling thread meanwhile gets its own count afterwards.
+TEST(OpencvThreads, AreANetworksAsLongAsItRuns) {
+  const CountOfThreads four(4);
+  {
+    const OpencvThreads two(2);
+    compute_on_calling_thread();
+    EXPECT_EQ(cv::getNumThreads(), 2);
+  }
+  EXPECT_EQ(cv::getNumThreads(), 1);
 }
 
 TEST_F(Models, RefuseImagesOfAWrongDepthOrShape) {

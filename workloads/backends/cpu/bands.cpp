@@ -5,6 +5,7 @@
 #include <opencv2/core.hpp>
 
 #include "workloads/base/system/thread.h"
+#include "workloads/recognition/opencv_threads.h"
 
 namespace pirt::cpu {
 namespace {
@@ -57,8 +58,7 @@ void BandTeam::end() {
 }
 
 void BandTeam::run(int parts, const std::function<void(int)>& body) {
-  // Whoever else in the process uses OpenCV may have set it.
-  if (cv::getNumThreads() != 1) cv::setNumThreads(1);
+  recognition::compute_on_calling_thread();  // Whoever else uses OpenCV may have set another count.
   if (parts <= 1 || workers_.empty()) {
     for (int part = 0; part < parts; ++part) body(part);
     return;
