@@ -1,10 +1,9 @@
 #include "characterize/tune/tune.h"
 
 #include <fmt/core.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
+#include <functional>
 #include <map>
 #include <set>
 #include <system_error>
@@ -170,12 +169,9 @@ class UnitMeasurement {
       return failed(fmt::format("the device was opened with {}",
                                 result.device ? result.device->tuning : "nothing"));
     }
-    const auto execute = std::ranges::find(result.phases, Phase::kExecute, &PhaseSamples::phase);
-    if (execute == result.phases.end() || execute->samples.empty() ||
-        median(execute->samples) <= Nanos{0}) {
-      return failed("it has no times");
-    }
-    return {.time = median(execute->samples)};
+    const auto time = time_of(result);
+    if (!time) return failed("it has no times");
+    return {.time = *time};
   }
 
   ScratchFolder scratch_;
@@ -186,6 +182,20 @@ class UnitMeasurement {
 };
 
 }  // namespace
+
+std::optional<Nanos> time_of(const JobResult& result) {
+  const auto samples_of = [&result](Phase phase) {
+    const auto found = std::ranges::find(result.phases, phase, &PhaseSamples::phase);
+    return found == result.phases.end() ? std::vector<Nanos>() : found->samples;
+  };
+  auto times = samples_of(Phase::kExecute);
+  const auto launches = samples_of(Phase::kLaunch);
+  if (launches.size() == times.size()) {
+    std::ranges::transform(times, launches, times.begin(), std::plus<>());
+  }
+  if (times.empty() || median(times) <= Nanos{0}) return std::nullopt;
+  return median(times);
+}
 
 TunePlan plan_tuning(const TuneOptions& options) {
   if (options.max_time.count() <= 0) throw_bad_input("--max-time is not above 0; try 15min");
@@ -263,26 +273,33 @@ TunedUnit tune_unit(const TuneOptions& options, const TuneUnit& unit,
 
 void store_tuning(const TuneOptions& options, const TunedUnit& tuned, const std::string& date) {
   TuningFile file = opencl::load_tuning(options.output);
+  // Another search may have ended meanwhile.
+  const TunedDevice* const stored = file.find(tuned.device);
+  Tuning tuning = stored != nullptr ? stored->tuning : Tuning(tuned.device.is_cpu);
+  for (const TuneFinding& finding : tuned.outcome.findings) {
+    const auto parameter = finding.parameter->parameter;
+    tuning.set(parameter, tuned.outcome.tuning[parameter]);
+  }
   file.put({.device = tuned.device.name,
             .platform = tuned.device.platform,
             .version = tuned.device.version,
             .pirt_version = std::string(build_info().version),
             .date = date,
-            .tuning = tuned.outcome.tuning});
+            .tuning = tuning});
   write_file(options.output, opencl::tuning_text(file));
 }
 
 void check_output(const std::filesystem::path& output) {
-  const auto folder = output.has_parent_path() ? output.parent_path() : ".";
+  const auto refuse = [](const std::string& why) {
+    throw_bad_input(why + "; choose another place with --output");
+  };
   std::error_code failed;
-  std::filesystem::create_directories(folder, failed);
-  if (!failed && ::access(folder.c_str(), W_OK) != 0) failed = {errno, std::generic_category()};
-  if (!failed && std::filesystem::is_directory(output)) {
-    failed = std::make_error_code(std::errc::is_a_directory);
-  }
-  if (failed) {
-    throw_bad_input(fmt::format("cannot write {}: {}; choose another place with --output",
-                                output.string(), failed.message()));
+  if (output.has_parent_path()) std::filesystem::create_directories(output.parent_path(), failed);
+  if (failed) refuse(fmt::format("cannot write '{}': {}", output.string(), failed.message()));
+  try {
+    check_writable(output);
+  } catch (const Error& error) {
+    refuse(error.what());
   }
 }
 

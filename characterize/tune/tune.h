@@ -12,6 +12,7 @@
 #include "characterize/platform/platform.h"
 #include "characterize/platform/selection.h"
 #include "characterize/tune/search.h"
+#include "characterize/worker/job.h"
 #include "workloads/model/backend.h"
 
 namespace pirt {
@@ -57,6 +58,10 @@ struct TunedUnit {
 /// Processes that a plan takes at most, confirmations and what is looked at again excluded.
 [[nodiscard]] std::int64_t expected_processes(const TuneUnit& unit, const TuneRules& rules);
 
+/// What a choice of parameters is judged by: the median of launch and execute together. Absent
+/// where it has no times above 0.
+[[nodiscard]] std::optional<Nanos> time_of(const JobResult& result);
+
 /// Searches one unit's parameters. Reads and writes nothing of the user's.
 /// @param progress  "conv_pixels=8, conv2, round 1"
 /// @param time_up   Whether to measure nothing more.
@@ -65,7 +70,7 @@ struct TunedUnit {
                                   const std::function<bool()>& time_up);
 
 /// Puts what was found into the file at options.output, whole or not at all, beside what it has of
-/// other devices.
+/// other devices and parameters.
 /// @param date  ISO 8601, UTC.
 /// @throws Error{kBadInput} if it cannot be written.
 void store_tuning(const TuneOptions& options, const TunedUnit& tuned, const std::string& date);

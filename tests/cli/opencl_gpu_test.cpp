@@ -31,10 +31,10 @@ pipelines:
     return pirt(arguments,
                 "OPENCL_LAYERS=" + quoted(kGpuStandIn) + " PIRT_STAND_IN_GPU=" + quoted(how));
   }
-  [[nodiscard]] Outcome live(const std::string& how) const {
+  [[nodiscard]] Outcome live(const std::string& how, const std::string& duration = "2s") const {
     return with_gpu(
         {"schedule", "--live", "--mode", "ect", "--platform", scratch_.file("board.yaml"), "--mix",
-         scratch_.file("mix.yaml"), "--duration", "2s", "--json", scratch_.file("run.json")},
+         scratch_.file("mix.yaml"), "--duration", duration, "--json", scratch_.file("run.json")},
         how);
   }
   [[nodiscard]] nlohmann::json record() const {
@@ -85,6 +85,13 @@ TEST_F(StandInGpu, OneThatStaysLostLeavesItsTasksToOthers) {
   EXPECT_EQ(run["failed"].get<int>() + run["dropped"].get<int>(), 0);
   EXPECT_LE(completed_on("gpu"), 8);
   EXPECT_GT(completed_on("cpu"), 0);
+}
+
+TEST_F(StandInGpu, ComputesWithoutPinnedMemory) {
+  const auto outcome = live("pinned=no", "200ms");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(record()["failed"], 0);
+  EXPECT_GT(completed_on("gpu"), 0);
 }
 
 TEST_F(StandInGpu, WhatDoesNotFitIntoItsMemoryIsSaidBeforeAnythingRuns) {

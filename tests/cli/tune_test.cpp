@@ -121,6 +121,9 @@ TEST_F(Tune, SaysSoIfItCouldNotWriteBeforeItMeasures) {
   const auto outcome =
       pirt({"tune", "--platform", "host-opencl", "--filter", "blur", "--output", in_a_file});
   expect_refused(outcome, {in_a_file, "--output"});
+  std::filesystem::create_symlink("/proc/x", file_);
+  expect_refused(pirt({"tune", "--platform", "host-opencl", "--filter", "blur", "--output", file_}),
+                 {"/proc/x", "--output"});
 }
 
 }  // namespace

@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <initializer_list>
 #include <iterator>
 #include <memory>
+#include <optional>
+#include <string_view>
 #include <utility>
 
 #include "workloads/base/error.h"
@@ -93,25 +96,45 @@ OpenclArgument read_argument(const YamlNode& node) {
   return {.tensor = node.text(), .element = Element::kI32, .value = 0};
 }
 
+/// What follows @p words, with blanks before each; absent where the line begins otherwise.
+std::optional<std::string_view> after_words(std::string_view line,
+                                            std::initializer_list<std::string_view> words) {
+  for (const std::string_view word : words) {
+    line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size()));
+    if (!line.starts_with(word)) return std::nullopt;
+    line.remove_prefix(word.size());
+  }
+  return line;
+}
+
 /// The source with the files beside it that it includes in the place of their lines: drivers differ
-/// in how they are told of a folder.
+/// in how they are told of a folder. Errors are still of the file and line where they are.
 /// @param files  Gets those that were read.
 std::string with_includes(const fs::path& file, std::vector<fs::path>& files) {
-  constexpr std::string_view kInclude = "#include \"";
   constexpr std::size_t kMostFiles = 100;
   if (files.size() >= kMostFiles) throw_bad_input(file.string() + ": it includes itself");
   files.push_back(file);
-  std::string text;
-  for (const std::string& line : split(read_text(file), '\n')) {
-    const auto end = line.find('"', kInclude.size());
-    if (!line.starts_with(kInclude) || end == std::string::npos) {
-      text += line + '\n';
+  const auto from_line = [&file](std::size_t number) {
+    return fmt::format("#line {} \"{}\"\n", number, file.filename().string());
+  };
+  const auto lines = split(read_text(file), '\n');
+  std::string text = from_line(1);
+  bool once = false;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    once = once || after_words(lines[i], {"#", "pragma", "once"});
+    const std::string_view named = after_words(lines[i], {"#", "include", "\""}).value_or("");
+    const auto end = named.find('"');
+    if (end == std::string_view::npos) {
+      text += lines[i] + '\n';
       continue;
     }
-    const std::string name = line.substr(kInclude.size(), end - kInclude.size());
-    text += with_includes(place(file, name), files);
+    text += with_includes(place(file, std::string(named.substr(0, end))), files);
+    text += from_line(i + 2);
   }
-  return text;
+  if (!once) return text;
+  // Which of its places comes first depends on the conditions around them.
+  const auto number = std::ranges::find(files, file) - files.begin();
+  return fmt::format("#ifndef PIRT_ONCE_{0}\n#define PIRT_ONCE_{0}\n{1}#endif\n", number, text);
 }
 
 void read_opencl(const fs::path& file, const YamlNode& node, Definition& definition) {

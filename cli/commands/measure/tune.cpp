@@ -6,6 +6,7 @@
 #include <fmt/core.h>
 
 #include <ctime>
+#include <exception>
 #include <memory>
 
 #include "cli/commands.h"
@@ -81,12 +82,18 @@ int show_plan(const TunePlan& plan, const TuneOptions& tune, const TuneFlags& op
   return 0;
 }
 
+struct Searched {
+  std::vector<TunedUnit> units;
+  std::exception_ptr not_stored;  ///< Why one could not be; null otherwise.
+};
+
 /// Searches all units; each is stored as soon as it is done.
-std::vector<TunedUnit> search(const TunePlan& plan, const TuneOptions& tune) {
+Searched search(const TunePlan& plan, const TuneOptions& tune) {
   const MachineClock clock;
   const Nanos end = clock.now() + tune.max_time;
   const ProgressLine line;
-  std::vector<TunedUnit> all;
+  Searched searched;
+  auto& all = searched.units;
   for (const TuneUnit& unit : plan.units) {
     all.push_back(tune_unit(
         tune, unit,
@@ -94,12 +101,16 @@ std::vector<TunedUnit> search(const TunePlan& plan, const TuneOptions& tune) {
         [&] { return clock.now() >= end; }));
     line.clear();
     warn_of_rejected(all.back());
-    if (measured_anything(all.back())) {
-      store_tuning(tune, all.back(), fmt::format("{:%FT%TZ}", fmt::gmtime(std::time(nullptr))));
+    try {
+      if (measured_anything(all.back())) {
+        store_tuning(tune, all.back(), fmt::format("{:%FT%TZ}", fmt::gmtime(std::time(nullptr))));
+      }
+    } catch (const Error&) {
+      searched.not_stored = std::current_exception();
     }
     if (all.back().outcome.stopped) break;
   }
-  return all;
+  return searched;
 }
 
 int tune(const TuneFlags& options) {
@@ -116,7 +127,7 @@ int tune(const TuneFlags& options) {
   if (options.dry_run) return show_plan(plan, tune, options);
 
   check_output(tune.output);
-  const auto tuned = search(plan, tune);
+  const auto [tuned, not_stored] = search(plan, tune);
   Document document{.title = "pirt tune", .parts = {}};
   Json json = {{"schema_version", 1}, {"output", tune.output.string()}};
   json["units"] = Json::array();
@@ -125,13 +136,14 @@ int tune(const TuneFlags& options) {
     json["units"].push_back(tune_json(unit));
   }
   const bool any = std::ranges::any_of(tuned, measured_anything);
-  if (any) {
+  if (any && !not_stored) {
     document.parts.emplace_back(Paragraph{{fmt::format(
         "Stored in {}; used from now on by every command, for exactly this device and driver "
         "(PIRT_TUNING=none turns it off).",
         tune.output.string())}});
   }
   emit(render(document, Format::kText), json, options.json);
+  if (not_stored) std::rethrow_exception(not_stored);
   if (tuned.back().outcome.stopped) {
     throw_environment(any ? "interrupted; the parameters above are stored"
                           : "interrupted; nothing was stored");

@@ -116,6 +116,41 @@ TEST_F(TuneOpenCl, StoringKeepsOtherDevices) {
   EXPECT_EQ(file.devices[0], other);
 }
 
+TEST(TuneStoring, KeepsWhatAnotherSearchFoundMeanwhile) {
+  const test::TemporaryFolder folder;
+  TuneOptions options;
+  options.output = folder / "tuning.json";
+  DeviceInfo device;
+  device.name = "a device";
+  device.is_cpu = true;
+  auto other = test::entry_for(device);
+  other.tuning.set(Parameter::kFcRows, 2);
+  write_file(options.output, opencl::tuning_text({.devices = {other}}));
+  opencl::Tuning found(true);
+  found.set(Parameter::kBlurStripRows, 16);
+  TuneFinding blur;
+  blur.parameter = &opencl::info_of(Parameter::kBlurStripRows);
+  store_tuning(options,
+               {.unit = "opencl",
+                .device = device,
+                .outcome = {.tuning = found, .findings = {blur}, .not_reached = {}},
+                .remarks = {}},
+               "2026-01-02T03:04:05Z");
+  const auto file = opencl::load_tuning(options.output);
+  ASSERT_THAT(file.devices, SizeIs(1));
+  EXPECT_EQ(file.devices[0].tuning.describe(), "blur_strip_rows=16, fc_rows=2");
+}
+
+TEST(TuneTime, IsOfLaunchAndExecuteTogether) {
+  using std::chrono::microseconds;
+  JobResult result;
+  EXPECT_EQ(time_of(result), std::nullopt);
+  result.phases.push_back({Phase::kExecute, {microseconds(10)}});
+  EXPECT_EQ(time_of(result), microseconds(10));
+  result.phases.push_back({Phase::kLaunch, {microseconds(5)}});
+  EXPECT_EQ(time_of(result), microseconds(15));
+}
+
 // ------------------------------------------------------------------------------------- campaigns
 
 TEST_F(TuneOpenCl, ACampaignRecordsTheParametersOfEachUnit) {

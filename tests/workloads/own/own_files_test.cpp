@@ -260,12 +260,38 @@ TEST_F(WorkloadFile, TakesWhatASourceIncludes) {
   const auto all = load(file);
   const Workload made = find(all, "my.k");
   EXPECT_THAT(own_operation(made)->opencl->text,
-              AllOf(HasSubstr("#define TEN 10"), testing::Not(HasSubstr("ten.h"))));
+              AllOf(HasSubstr("#define TEN 10"), testing::Not(HasSubstr("include"))));
   write("ten.h", "#define TEN 11\n");
   EXPECT_NE(digest_of(file), all.front().digest);
   write("ten.h", "#include \"ten.h\"\n");
   EXPECT_THAT(test::bad_input([&] { static_cast<void>(load(file)); }),
               HasSubstr("includes itself"));
+}
+
+TEST_F(WorkloadFile, TakesIncludesAsAPreprocessorDoes) {
+  const auto file = write("w.yaml",
+                          "workloads:\n  - name: my.k\n    outputs: {a: \"u8[4]\"}\n"
+                          "    opencl: {source: k.cl, kernel: k, global: [4], args: [a]}\n");
+  write("k.cl",
+        "#include \"a.h\"\n#ifdef FAST\n  # include \"fast.h\"\n#endif\n#include \"b.h\"\n"
+        "__kernel void k(__global uchar* a) { a[0] = 1; }\n");
+  write("a.h", "#include \"c.h\"\n");
+  write("b.h", "#include \"c.h\"\n");
+  write("c.h", "#pragma once\ntypedef struct { int i; } Index;\n");
+  write("fast.h", "#define FAST_ONE 1\n");
+  const Workload made = find(load(file), "my.k");
+  const std::string text = own_operation(made)->opencl->text;
+  EXPECT_THAT(text, AllOf(HasSubstr("#line 1 \"fast.h\"\n#define FAST_ONE 1\n"),
+                          HasSubstr("#line 4 \"k.cl\"\n#endif\n"),
+                          HasSubstr("#line 6 \"k.cl\"\n__kernel void k"),
+                          testing::Not(HasSubstr("include"))));
+  // The third of the files, in both places.
+  const std::string guard = "#ifndef PIRT_ONCE_2\n#define PIRT_ONCE_2\n#line 1 \"c.h\"\n";
+  EXPECT_THAT(text, HasSubstr(guard));
+  EXPECT_NE(text.find(guard), text.rfind(guard));
+  const std::string before = digest_of(file);
+  write("fast.h", "#define FAST_ONE 2\n");
+  EXPECT_NE(digest_of(file), before);
 }
 
 TEST_F(WorkloadFile, MayNameManySources) {

@@ -36,12 +36,6 @@ bool is_usable(const cl::Device& device) {
          device.getInfo<CL_DEVICE_COMPILER_AVAILABLE>() == CL_TRUE;
 }
 
-cl::Platform platform_of(const cl::Device& device) {
-  cl_platform_id platform = nullptr;  // of which newer headers make a cl::Platform by themselves
-  device.getInfo(CL_DEVICE_PLATFORM, &platform);
-  return cl::Platform(platform, true);
-}
-
 /// The compute units that a unit uses of a device of `available` ones.
 struct UnitRange {
   std::size_t first = 0;

@@ -4,6 +4,7 @@
 //   memory_mb=N  what it has, 1024 otherwise.
 //   taken_mb=N   what others have of that. As NVIDIA's driver does it, a buffer that is too much is
 //                made, and the first command fails.
+//   pinned=no    there is no memory of the host's that it reads and writes itself.
 //   dies=1       who asks what a device is ends there.
 //   lose=N       the Nth kernel that is put into a queue ends the context: nothing in it succeeds
 //   any more. reopens=no   and no context can be made after that; otherwise once all of the lost
@@ -42,9 +43,9 @@ long option(const char* name, long standard) {
   const char* found = text == nullptr ? nullptr : std::strstr(text, name);
   return found == nullptr ? standard : std::strtol(found + std::strlen(name), nullptr, 10);
 }
-bool reopens() {
+bool says(const char* words) {
   const char* text = std::getenv("PIRT_STAND_IN_GPU");
-  return text == nullptr || std::strstr(text, "reopens=no") == nullptr;
+  return text != nullptr && std::strstr(text, words) != nullptr;
 }
 
 /// CL_SUCCESS, or what a command in the context ends with.
@@ -133,6 +134,10 @@ cl_mem CL_API_CALL create_buffer(cl_context context, cl_mem_flags flags, size_t 
       return nullptr;
     }
   }
+  if ((flags & CL_MEM_ALLOC_HOST_PTR) != 0 && says("pinned=no")) {
+    if (code != nullptr) *code = CL_OUT_OF_HOST_MEMORY;
+    return nullptr;
+  }
   // What the host's memory holds takes none of the device's.
   const bool pinned = (flags & (CL_MEM_ALLOC_HOST_PTR | CL_MEM_USE_HOST_PTR)) != 0;
   return hold(driver->clCreateBuffer(context, flags, size, host, code), context, pinned ? 0 : size);
@@ -145,7 +150,7 @@ cl_context CL_API_CALL create_context(
     const std::lock_guard lock(mutex);
     bool remains = false;
     for (const auto& [object, each] : held) remains = remains || (is_lost && each.context == lost);
-    if (is_lost && (remains || !reopens())) {
+    if (is_lost && (remains || says("reopens=no"))) {
       constexpr cl_int kNvidiaSays = -9999;
       if (code != nullptr) *code = kNvidiaSays;
       return nullptr;

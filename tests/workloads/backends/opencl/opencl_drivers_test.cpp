@@ -132,6 +132,22 @@ TEST(OpenClLimits, LocalMemoryBoundsTheGroup) {
   EXPECT_EQ(items({.per_item = 1, .per_group = all}), 0U) << "no room at all";
 }
 
+TEST(OpenClLimits, ABufferThatIsLargerThanTheDeviceMakesIsNoLackOfMemory) {
+  if (!test::open_first_device()) GTEST_SKIP() << "skipped: no OpenCL device";
+  const opencl::DeviceSession session = opencl::open_session(test::unit_request());
+  const auto most = session.device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
+  if (most >= session.device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>()) {
+    GTEST_SKIP() << "skipped: one buffer may take all memory";
+  }
+  opencl::PlanBuilder builder(session);
+  try {
+    static_cast<void>(builder.scratch(static_cast<std::int64_t>(most + 1)));
+    FAIL() << "no error";
+  } catch (const cl::Error& error) {
+    EXPECT_EQ(error.err(), CL_INVALID_BUFFER_SIZE);
+  }
+}
+
 // -------------------------------------------------------------------------------- other drivers
 
 /// Ends the context by a kernel that writes beyond all memory.
@@ -255,6 +271,27 @@ TEST(OpenClDriversDeathTest, TwoDriversOfTheHostsCoresAreToldApart) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   const Environment mesa({{"RUSTICL_ENABLE", "llvmpipe"}});
   EXPECT_EXIT(exit_if_two_drivers_are_told_apart(), testing::ExitedWithCode(0), "");
+}
+
+/// Ends the process: 0 if what Mesa's driver does not build is not put on PoCL's kernel cache.
+[[noreturn]] void exit_if_a_failed_build_is_the_drivers_own() {
+  setenv("POCL_CACHE_DIR", "/proc/nope", 1);
+  try {
+    const opencl::DeviceSession session = opencl::open_session(test::unit_request());
+    static_cast<void>(
+        opencl::build_program(session, "broken.cl", "__kernel void k() { undeclared_name; }"));
+    std::exit(1);
+  } catch (const Error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    std::exit(std::string(error.what()).find("PoCL") == std::string::npos ? 0 : 2);
+  }
+}
+
+TEST(OpenClDriversDeathTest, AFailedBuildIsNotPutOnTheCacheOfAnother) {
+  if (!has_platform("rusticl")) GTEST_SKIP() << "skipped: no rusticl (mesa-opencl-icd)";
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const Environment mesa({{"RUSTICL_ENABLE", "llvmpipe"}, {"PIRT_TEST_DEVICE", "llvmpipe"}});
+  EXPECT_EXIT(exit_if_a_failed_build_is_the_drivers_own(), testing::ExitedWithCode(0), "");
 }
 
 TEST(OpenClDevice, OnAllCoresHasNoRemark) {

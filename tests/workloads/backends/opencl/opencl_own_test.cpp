@@ -154,6 +154,18 @@ TEST_F(OpenClOwn, AFunctionEnqueuesAsItLikes) {
     };
   };
   EXPECT_THAT(compute(workload(operation)), ElementsAre(1, 2, 3, 4));
+  Workload copying = workload(operation);
+  const auto inputs = make_tensors(copying.inputs);
+  auto outputs = make_tensors(copying.outputs);
+  const auto parameters = make_tensors(copying.parameters);
+  const auto kernel = device_->prepare(copying, parameters);
+  kernel->bind(inputs, outputs);
+  kernel->upload();
+  EXPECT_EQ(kernel->stamped_launch(), std::nullopt) << "nobody knows when its commands start";
+  copying.variant = "map";
+  const Support mapped = device_->supports(copying);
+  EXPECT_FALSE(mapped.ok) << "its handles are those of the buffers of before";
+  EXPECT_THAT(mapped.reason, HasSubstr("its functions keep the buffers"));
   operation = std::make_shared<OwnOperation>();
   operation->opencl_function = [](const OpenclUnit&) {
     return [] { throw_environment("no such luck"); };

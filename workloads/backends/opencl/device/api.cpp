@@ -75,6 +75,12 @@ const CodeName* find(cl_int code) {
 
 }  // namespace
 
+cl::Platform platform_of(const cl::Device& device) {
+  cl_platform_id platform = nullptr;  // of which newer headers make a cl::Platform by themselves
+  device.getInfo(CL_DEVICE_PLATFORM, &platform);
+  return cl::Platform(platform, true);
+}
+
 std::string error_name(cl_int code) {
   const CodeName* known = find(code);
   return known != nullptr ? std::string(known->name) : fmt::format("error {}", code);

@@ -17,6 +17,8 @@ namespace pirt::opencl {
 inline constexpr std::string_view kInstallDriver =
     "install an OpenCL driver, e.g. apt-get install pocl-opencl-icd";
 
+[[nodiscard]] cl::Platform platform_of(const cl::Device& device);
+
 /// "CL_OUT_OF_RESOURCES", or "error -1234" for a code that OpenCL 1.2 does not name.
 [[nodiscard]] std::string error_name(cl_int code);
 

@@ -7,8 +7,7 @@
 #include <filesystem>
 #include <optional>
 #include <system_error>
-
-#include "workloads/backends/opencl/device/api.h"
+#include <vector>
 
 namespace pirt::opencl {
 namespace {
@@ -43,7 +42,8 @@ std::error_code writing_error(const fs::path& folder) {
 
 }  // namespace
 
-std::string kernel_cache_complaint() {
+std::string kernel_cache_complaint(const cl::Platform& platform) {
+  if (platform.getInfo<CL_PLATFORM_NAME>() != "Portable Computing Language") return "";
   const auto folder = kernel_cache();
   if (!folder) return "";
   const std::error_code error = writing_error(*folder);
@@ -55,9 +55,17 @@ std::string kernel_cache_complaint() {
 }
 
 std::string why_no_device() {
-  const std::string complaint = kernel_cache_complaint();
-  return fmt::format("no OpenCL device{}{}", complaint.empty() ? "; " : ": ",
-                     complaint.empty() ? std::string(kInstallDriver) : complaint);
+  std::vector<cl::Platform> platforms;
+  try {
+    cl::Platform::get(&platforms);
+  } catch (const cl::Error&) {
+    // No driver at all.
+  }
+  for (const cl::Platform& platform : platforms) {
+    const std::string complaint = kernel_cache_complaint(platform);
+    if (!complaint.empty()) return "no OpenCL device: " + complaint;
+  }
+  return fmt::format("no OpenCL device; {}", kInstallDriver);
 }
 
 }  // namespace pirt::opencl

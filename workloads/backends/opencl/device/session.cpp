@@ -61,7 +61,7 @@ cl::Program build(const DeviceSession& session, std::string_view name, const std
   try {
     program.build(session.device, options.c_str());
   } catch (const cl::BuildError& error) {
-    const std::string complaint = kernel_cache_complaint();
+    const std::string complaint = kernel_cache_complaint(platform_of(session.device));
     if (!complaint.empty()) {
       throw_environment(fmt::format("opencl: {} does not build: {}", name, complaint));
     }

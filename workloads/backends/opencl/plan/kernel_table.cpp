@@ -59,7 +59,13 @@ Support support_of(const Workload& workload) {
             .reason = fmt::format("opencl has no kernel \"{}\"; it has {}", workload.kernel,
                                   join(known, ", "))};
   }
-  if (const OwnOperation* const own = own_operation(workload)) return own->support_by("opencl");
+  if (const OwnOperation* const own = own_operation(workload)) {
+    if (workload.variant == "map" && own->opencl_function) {
+      return {.ok = false,
+              .reason = "its functions keep the buffers that they were given: nothing to map"};
+    }
+    return own->support_by("opencl");
+  }
   if (const auto* chain = dynamic_cast<const dnn::Sequence*>(workload.operation.get())) {
     for (const Workload& layer : chain->layers) {
       const OpenclKernelEntry* part = try_find_kernel(layer.kernel);

@@ -10,9 +10,18 @@ void LaunchSum::add(Nanos queued, Nanos start, Nanos end) {
   previous_end_ = end;
 }
 
-cl::Event* Launches::next() {
+void Launches::count() {
   if (waiting_ == kMostWaiting) finish();
   ++waiting_;
+}
+
+void Launches::foreign() {
+  count();
+  known_ = false;
+}
+
+cl::Event* Launches::next() {
+  count();
   return stamped_ ? &events_.emplace_back() : nullptr;
 }
 

@@ -43,16 +43,23 @@ class Launches {
   /// For the next command: where its event goes, null = nowhere. Waits now and then, so that no
   /// driver has to hold thousands of commands.
   [[nodiscard]] cl::Event* next();
+  /// For commands of somebody else's, which follow: what they wait for is not known.
+  void foreign();
   /// Waits for all.
   void finish();
-  /// Of all that finish() waited for.
-  [[nodiscard]] const LaunchSum& stamps() const { return stamps_; }
+  /// Of all that finish() waited for; absent with foreign commands among them.
+  [[nodiscard]] std::optional<LaunchSum> stamps() const {
+    return known_ ? std::optional(stamps_) : std::nullopt;
+  }
 
  private:
   static constexpr std::size_t kMostWaiting = 256;
 
+  void count();
+
   const cl::CommandQueue& queue_;
   bool stamped_;
+  bool known_ = true;
   std::size_t waiting_ = 0;
   std::vector<cl::Event> events_;
   LaunchSum stamps_;

@@ -173,9 +173,11 @@ cl::Program PlanBuilder::program(const Source& source) const {
 cl::Buffer PlanBuilder::allocate(cl_mem_flags flags, std::size_t size_bytes) {
   // Drivers may take the memory when it is used first: what cannot be is refused here.
   all_bytes_ += size_bytes;
-  if (size_bytes > session_.device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>() ||
-      all_bytes_ > session_.device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>()) {
+  if (all_bytes_ > session_.device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>()) {
     throw cl::Error(CL_MEM_OBJECT_ALLOCATION_FAILURE, "clCreateBuffer");
+  }
+  if (size_bytes > session_.device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>()) {
+    throw cl::Error(CL_INVALID_BUFFER_SIZE, "clCreateBuffer");
   }
   return held_.emplace_back(session_.context, flags, size_bytes);
 }
@@ -205,7 +207,8 @@ void PlanBuilder::own_step(
   cl::Kernel kernel;
   try {
     kernel = cl::Kernel(program, source.kernel.c_str());
-  } catch (const cl::Error&) {
+  } catch (const cl::Error& error) {
+    if (error.err() != CL_INVALID_KERNEL_NAME) throw;
     fail("is not in it");
   }
   if (const auto count = kernel.getInfo<CL_KERNEL_NUM_ARGS>(); count != source.arguments.size()) {
@@ -271,8 +274,8 @@ void PlanBuilder::append(cl::Kernel kernel, const char* name, Extent extent) {
 void enqueue(const DeviceSession& session, const Plan& plan, Launches& launches) {
   for (const Launch& step : plan.steps) {
     if (step.enqueues) {
+      launches.foreign();
       step.enqueues();
-      session.queue.enqueueMarkerWithWaitList(nullptr, launches.next());
       continue;
     }
     session.queue.enqueueNDRangeKernel(step.kernel, cl::NullRange, step.global, step.local, nullptr,

@@ -23,7 +23,8 @@ class LaunchingKernel : public Kernel, public DeviceMemory {
   [[nodiscard]] std::int64_t device_memory_bytes() const override { return buffers_bytes_; }
   std::optional<Nanos> execute(int repeats) override;
   std::optional<Nanos> stamped_launch() override;
-  /// Computes once more; what the device stamps of it, where it has a clock.
+  /// Computes once more; what the device stamps of it, where it has a clock and all commands are
+  /// pirt's.
   [[nodiscard]] std::optional<LaunchSum> stamped();
 
  protected:

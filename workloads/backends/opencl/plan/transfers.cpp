@@ -74,7 +74,13 @@ class Transfers::Parts {
     auto& stage = transfers.stage_;
     if (size_bytes > 0 && (!stage || stage->bytes().size() < size_bytes)) {
       stage.reset();
-      stage = std::make_unique<PinnedMemory>(transfers.session_.queue, size_bytes);
+      try {
+        stage = std::make_unique<PinnedMemory>(transfers.session_.queue, size_bytes);
+      } catch (const cl::Error&) {  // It has none, or no more: slower memory does as well.
+        transfers.list_.resize(size_bytes);
+        left_ = transfers.list_;
+        return;
+      }
     }
     if (stage) left_ = stage->bytes();
   }
