@@ -58,23 +58,27 @@ Findings energy_meter(const DoctorInput& input) {
   };
   const MeterDiscovery found = discover_meters(input.root / "sys");
   std::vector<std::string> readable;
-  std::string problem;
+  std::string rapl, problem;
   for (const auto& meter : found.meters) {
     const MeterInfo& info = meter->info();
-    if (info.driver == "rapl" && !input.readable(info.path)) {
-      return note("RAPL is there and may not be read",
-                  "sudo chmod a+r /sys/class/powercap/*/energy_uj (until the next start), or run "
-                  "as root");
-    }
+    if (info.driver == "nvml" && !input.inherited) continue;  // Not of a recorded machine.
     const bool may_be_read = info.driver == "nvml" || input.readable(info.path);  // No file.
     if (info.problem.empty() && may_be_read) {
       readable.push_back(info.name);
+    } else if (info.driver == "rapl" && !may_be_read) {
+      rapl = "RAPL is there and may not be read";
     } else if (problem.empty()) {
       problem = info.name + ": " + (info.problem.empty() ? "may not be read" : info.problem);
     }
   }
   if (!readable.empty()) {
-    return {good("energy_meter", join(readable, ", ") + " can be read (pirt list meters)")};
+    return {good("energy_meter", join(readable, ", ") + " can be read (pirt list meters)" +
+                                     (rapl.empty() ? "" : "; " + rapl))};
+  }
+  if (!rapl.empty()) {
+    return note(rapl,
+                "sudo chmod a+r /sys/class/powercap/*/energy_uj (until the next start), or run as "
+                "root");
   }
   if (!problem.empty()) return note(problem, "pirt list meters says more");
   return {unknown("energy_meter",

@@ -51,12 +51,6 @@ bool is_under(const MeterDiscovery& found, const Meter& inner, const Meter& oute
   return false;
 }
 
-std::string trimmed(const std::string& text) {
-  const auto first = text.find_first_not_of(" \t");
-  if (first == std::string::npos) return "";
-  return text.substr(first, text.find_last_not_of(" \t") - first + 1);
-}
-
 }  // namespace
 
 const Meter* MeterDiscovery::find(std::string_view name) const {

@@ -16,6 +16,12 @@
 #include "workloads/catalog/specs.h"
 
 namespace pirt {
+
+const std::vector<std::string>& workload_keys() {
+  static const std::vector<std::string> names = {"call_j", "provenance", "source"};
+  return names;
+}
+
 namespace {
 
 constexpr double kMaxWatts = 1e6;
@@ -25,12 +31,6 @@ constexpr double kMaxMegabytes = 1e7;
 constexpr double kMaxScale = 1e3;
 constexpr std::int64_t kMaxServers = 1'000'000;
 constexpr std::int64_t kMaxWeight = 1'000'000;
-
-/// Keys that stand beside unit names in a workload's entry, and so cannot be units.
-const std::vector<std::string>& workload_keys() {
-  static const std::vector<std::string> names = {"call_j", "provenance", "source"};
-  return names;
-}
 
 /// Names are parts of `--set unit.key`, `--weights unit=n` and `unit.stage`, which must stay
 /// readable by machine.

@@ -3,7 +3,9 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <iterator>
 #include <set>
+#include <string_view>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/name_filter.h"
@@ -44,15 +46,18 @@ std::vector<const Workload*> asked_for(const std::vector<std::string>& in_varian
   return all;
 }
 
-/// "1280x720" of "sobel@1280x720".
+/// "1280x720" of "sobel@1280x720", and "640x480" too of "@(1280x720|640x480)".
 std::vector<std::string> named_sizes(const std::string& filter) {
   std::vector<std::string> sizes;
   const auto is_of_size = [](char c) { return (c >= '0' && c <= '9') || c == 'x'; };
-  for (auto at = filter.find('@'); at != std::string::npos; at = filter.find('@', at + 1)) {
-    auto begin = filter.begin() + static_cast<std::ptrdiff_t>(at) + 1;
-    begin = std::find_if_not(begin, filter.end(), [](char c) { return c == '('; });
-    const std::string size(begin, std::find_if_not(begin, filter.end(), is_of_size));
-    if (own::size_from(size)) sizes.push_back(size);
+  for (auto at = std::find(filter.begin(), filter.end(), '@'); at != filter.end();) {
+    at = std::find_if(at, filter.end(), is_of_size);
+    const auto end = std::find_if_not(at, filter.end(), is_of_size);
+    const std::string size(at, end);
+    // A name may have one too: mine.conv3x3.
+    const bool begins = std::string_view("@(|:").find(*std::prev(at)) != std::string_view::npos;
+    if (begins && own::size_from(size)) sizes.push_back(size);
+    at = end;
   }
   return sizes;
 }

@@ -24,6 +24,12 @@ std::string filled(const CsvTable& table, std::string_view column) {
   return value;
 }
 
+std::string named(const CsvTable& table, std::string_view column) {
+  std::string value = filled(table, column);
+  if (!name_of(value).empty()) return value;
+  refuse_row(table, fmt::format("{} '{}' has no letter or digit to be called by", column, value));
+}
+
 Nanos time_in(const CsvTable& table, std::string_view column) {
   return milliseconds(table.text(column), kNanosecondMs, kLongestMs)
       .or_refuse(fmt::format("{}: {}", table.place(), column));
@@ -42,9 +48,9 @@ std::vector<Row> rows_of(const std::string& file, const std::string& text) {
   while (table.next()) {
     if (const std::string problem = table.misfit(); !problem.empty()) refuse_row(table, problem);
     Row row{.edition = table.text("readme_version"),
-            .soc = filled(table, "soc"),
+            .soc = named(table, "soc"),
             .unit = filled(table, "unit"),
-            .network = filled(table, "network"),
+            .network = named(table, "network"),
             .range = "",
             .threads =
                 whole_number(table.text("threads"), 1, 4096).or_refuse(table.place() + ": threads"),

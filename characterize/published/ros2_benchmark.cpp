@@ -21,7 +21,13 @@ Publication read_ros2_benchmark(const std::string& file, const Json& root) {
   std::string node = metadata.at("BenchmarkMetadata.NAME").get<std::string>();
   if (const auto end = node.rfind(" Benchmark"); end != std::string::npos) node.resize(end);
   const std::string host = said("DEVICE_HOSTNAME");
-  PublishedBoard board{.name = name_of(host.empty() ? file : host),
+  const std::string machine = host.empty() ? file : host;
+  for (const std::string& text : {machine, node}) {
+    if (name_of(text).empty()) {
+      throw JsonError("'" + text + "' has no letter or digit to be called by");
+    }
+  }
+  PublishedBoard board{.name = name_of(machine),
                        .said = fmt::format("{} {}", host, said("DEVICE_ARCH")),
                        .units = {},
                        .figures = {},

@@ -7,6 +7,7 @@
 #include <map>
 #include <utility>
 
+#include "characterize/platform/platform_file.h"
 #include "characterize/published/csv_table.h"
 #include "characterize/published/published.h"
 #include "workloads/base/error.h"
@@ -137,6 +138,10 @@ class TimesReader {
     std::string name = table_.text("unit");
     if (name.empty() || !is_made_of(name, "_-")) {
       add_problem("unit '" + name + "' is no name: letters, digits, _ and -");
+    }
+    const bool empty_in_yaml = name == "null" || name == "Null" || name == "NULL";
+    if (empty_in_yaml || std::ranges::find(workload_keys(), name) != workload_keys().end()) {
+      add_problem("unit '" + name + "' is a word of platform files; call it otherwise");
     }
     return name;
   }

@@ -115,6 +115,13 @@ TEST_F(Import, StoresNothingOfATableWithAWrongRow) {
   EXPECT_FALSE(std::filesystem::exists(database_));
 }
 
+TEST_F(Import, StoresNothingOfATableWithABoardWithoutAName) {
+  const auto table = scratch_.write(
+      "u.csv", "soc,unit,threads,network,avg_ms\nAcme 1,CPU,4,alexnet,20\n--,CPU,4,alexnet,5\n");
+  expect_refused(pirt({"import", table, "--db", database_}), {"u.csv:3", "soc"});
+  EXPECT_FALSE(std::filesystem::exists(database_));
+}
+
 TEST_F(Import, RefusesWhatIsNoPublication) {
   expect_refused(pirt({"import", mix_, "--db", database_}), {"none of what can be imported"});
   EXPECT_FALSE(std::filesystem::exists(database_)) << "nothing is made then";

@@ -43,6 +43,18 @@ TEST(List, SaysWhyHostGpuIsNotAvailableWithoutADriver) {
   EXPECT_THAT(platform_named(outcome.json(), "host-gpu")["reason"].dump(), HasSubstr("install"));
 }
 
+TEST(List, APlatformWithoutAnyOfItsUnitsIsNotAvailable) {
+  PIRT_BACKEND_OR_SKIP("opencl")
+  const auto listing = pirt({"list", "platforms", "--json", "-"},
+                            "OCL_ICD_VENDORS=/nonexistent OPENCL_VENDOR_PATH=/nonexistent")
+                           .json();
+  const auto opencl = platform_named(listing, "host-opencl");
+  EXPECT_EQ(opencl["available"], false);
+  EXPECT_THAT(opencl["reason"].dump(), HasSubstr("opencl: unavailable: "));
+  EXPECT_EQ(platform_named(listing, "host")["available"], true);        // It has a cpu beside.
+  EXPECT_EQ(platform_named(listing, "jetson-tx1")["available"], true);  // All is in the file.
+}
+
 TEST(List, SaysWhichDeviceAUnitMeansAsItIsOpened) {
   PIRT_BACKEND_OR_SKIP("opencl")
   const Scratch scratch;

@@ -31,6 +31,34 @@ TEST(Plan, ALengthThatIsNotThePublishedOneIsACheckThatFailed) {
   EXPECT_THAT(outcome.out, HasSubstr("differs"));
 }
 
+TEST(Plan, APublishedLengthOfSixDigitsIsRounded) {
+  const Scratch scratch;
+  const auto map = scratch.write("a.map", kMap);
+  const auto exit_code = [&](const std::string& length) {
+    const auto scenario =
+        scratch.write("a.scen", "version 1\n0\ta.map\t4\t3\t0\t0\t1\t2\t" + length + "\n");
+    return pirt({"plan", "--map", map, "--scenario", scenario}).exit_code;
+  };
+  EXPECT_EQ(exit_code("2.41421"), 0);
+  EXPECT_EQ(exit_code("2.4143"), 1);
+  EXPECT_EQ(exit_code("2.41421000"), 1);
+}
+
+TEST(Plan, TheFreePlaceThatItProposesIsTaken) {
+  const Scratch scratch;
+  scratch.write("m.pgm", "P2 4 1 255 0 0 254 254");
+  const auto map = scratch.write("m.yaml",
+                                 "image: m.pgm\nresolution: 0.05\norigin: [448000, 5411000, 0]\n"
+                                 "occupied_thresh: 0.65\nfree_thresh: 0.196\n");
+  const auto from = [&](const std::string& start) {
+    return pirt({"plan", "--map", map, "--start", start, "--goal", "448000.175,5411000.025"});
+  };
+  const std::string proposed = "448000.125,5411000.025";
+  expect_refused(from("448000.02,5411000.02"), {"the nearest free place is " + proposed});
+  const auto outcome = from(proposed);
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+}
+
 TEST(Plan, WithoutAPathItSaysSo) {
   const Scratch scratch;
   const auto map = scratch.write("a.map", kMap);

@@ -88,8 +88,10 @@ class Choice {
     const double low = std::max(0.0, robot_.speed_mps - gain);
     const double high = std::min(limits.most_speed_mps, robot_.speed_mps + gain);
     const double most_turn = limits.most_turn_rate_rps;
-    const double left = std::clamp(robot_.turn_rate_rps + turn_gain, -most_turn, most_turn);
-    const double right = std::clamp(robot_.turn_rate_rps - turn_gain, -most_turn, most_turn);
+    // The rate comes first: what is no number stays none.
+    const double left = std::min(robot_.turn_rate_rps + turn_gain, most_turn);
+    const double right = std::max(robot_.turn_rate_rps - turn_gain, -most_turn);
+    if (low > high || right > left) return best;  // Beyond its limits it brakes.
     for (int i = 0; i < kSpeeds; ++i) {
       for (int k = 0; k < kTurnRates; ++k) {
         consider({std::lerp(low, high, i / (kSpeeds - 1.0)),
@@ -122,14 +124,15 @@ class Choice {
   [[nodiscard]] bool is_safe(VelocityCommand command) const {
     const RobotLimits& limits = options_.limits;
     RobotState robot = with(command);
-    const double stands_s = std::max(robot.speed_mps / limits.acceleration_mps2,
+    const double stands_s = std::max(std::abs(robot.speed_mps) / limits.acceleration_mps2,
                                      std::abs(robot.turn_rate_rps) / limits.turn_acceleration_rps2);
     if (!(stands_s <= kLongestBrakeS)) return false;  // Nor what is no number.
     double seconds = 0;
-    while (robot.speed_mps > 0 || robot.turn_rate_rps != 0) {
+    while (robot.speed_mps != 0 || robot.turn_rate_rps != 0) {
       const bool braking = seconds >= options_.period_s - 1e-9;
       const double step = braking ? kBrakeS : std::min(kBrakeS, options_.period_s - seconds);
-      const double faster_mps = std::max(0.0, robot.speed_mps - options_.people_speed_mps);
+      const double faster_mps =
+          std::max(0.0, std::abs(robot.speed_mps) - options_.people_speed_mps);
       if (braking) {
         robot.speed_mps = towards(robot.speed_mps, 0, limits.acceleration_mps2 * step);
         robot.turn_rate_rps = towards(robot.turn_rate_rps, 0, limits.turn_acceleration_rps2 * step);

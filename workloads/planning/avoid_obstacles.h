@@ -54,7 +54,8 @@ struct AvoidOptions {
 [[nodiscard]] Grid window_of(const Grid& map, Point centre, double side_m);
 
 /// The command of the next period: within the limits of speed and acceleration from the robot's
-/// present velocity, and towards @p target.
+/// present velocity, and towards @p target. A robot that rolls backwards or is beyond its limits
+/// brakes.
 ///
 /// It is *passively safe*: if the robot executes it for a period and then brakes as hard as it can,
 /// it comes to a stand before it touches anything: cells of the window that are not free (by the

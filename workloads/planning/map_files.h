@@ -39,7 +39,8 @@ namespace pirt::planning {
 struct ScenarioQuery {
   int line = 0;  ///< Of the file, from 1.
   Cell start, goal;
-  double optimal_length = 0;  ///< As published, in cells; 8 decimals.
+  double optimal_length = 0;  ///< As published, in cells.
+  double rounding = 0;        ///< How far that may be off; 0 with the 8 decimals of newer files.
 };
 
 /// @throws Error{kBadInput} "file:line: ..." for what is no scenario, or is one of a map of another

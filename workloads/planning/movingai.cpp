@@ -50,6 +50,13 @@ int read_side(Lines& lines, std::string_view key) {
       .or_refuse(fmt::format("{} {}", lines.place(), key));
 }
 
+/// How far a length may be off. Older files have 6 digits, the newer ones 8 decimals.
+double rounding_of(double length, std::string_view text) {
+  const auto point = text.find('.');
+  if (length == 0 || (point != std::string_view::npos && text.size() - point > 8)) return 0;
+  return 0.51 * std::pow(10, std::floor(std::log10(length)) - 5);
+}
+
 CellState state_of(char c, int column, const Lines& lines) {
   switch (c) {
     case '.':
@@ -145,6 +152,7 @@ std::vector<ScenarioQuery> read_scenario(const fs::path& file, const Grid& grid)
     query.goal = read_cell(fields, 6, grid, lines);
     query.optimal_length = decimal_number(fields[8], 0, kLongest)
                                .or_refuse(fmt::format("{} optimal length", lines.place()));
+    query.rounding = rounding_of(query.optimal_length, fields[8]);
     queries.push_back(query);
   }
   if (queries.empty()) throw_bad_input(file.string() + ": the scenario has no query");

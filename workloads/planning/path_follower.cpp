@@ -3,7 +3,6 @@
 #include <cmath>
 
 namespace pirt::planning {
-namespace {}  // namespace
 
 Point PathFollower::ahead(Point position, double ahead_m) {
   double reach = ahead_m + (asked_ ? distance(before_, position) : 0);

@@ -74,7 +74,7 @@ double least_room(const AvoidInputs& given, VelocityCommand command, const Avoid
     return std::copysign(std::max(0.0, std::abs(value) - by), value);
   };
   double least = kInfinity;
-  for (int step = 0; robot.speed_mps > 0 || robot.turn_rate_rps != 0; ++step) {
+  for (int step = 0; robot.speed_mps != 0 || robot.turn_rate_rps != 0; ++step) {
     const double seconds = step * kStepS;
     for (const MovingObstacle& other : given.moving) {
       least = std::min(least, distance(robot.position, other.position) - other.radius_m -
@@ -98,13 +98,18 @@ double least_room(const AvoidInputs& given, VelocityCommand command, const Avoid
 
 bool within_limits(const RobotState& robot, VelocityCommand command, const AvoidOptions& options) {
   const RobotLimits& limits = options.limits;
+  const double gain = limits.acceleration_mps2 * options.period_s;
+  const double turn_gain = limits.turn_acceleration_rps2 * options.period_s;
   constexpr double kRounding = 1e-9;
-  return command.speed_mps >= 0 && command.speed_mps <= limits.most_speed_mps + kRounding &&
-         std::abs(command.turn_rate_rps) <= limits.most_turn_rate_rps + kRounding &&
-         std::abs(command.speed_mps - robot.speed_mps) <=
-             limits.acceleration_mps2 * options.period_s + kRounding &&
-         std::abs(command.turn_rate_rps - robot.turn_rate_rps) <=
-             limits.turn_acceleration_rps2 * options.period_s + kRounding;
+  // Who is beyond them already can come as near as it brakes.
+  const double least = std::min(0.0, robot.speed_mps + gain);
+  const double most = std::max(limits.most_speed_mps, robot.speed_mps - gain);
+  const double most_turn =
+      std::max(limits.most_turn_rate_rps, std::abs(robot.turn_rate_rps) - turn_gain);
+  return command.speed_mps >= least - kRounding && command.speed_mps <= most + kRounding &&
+         std::abs(command.turn_rate_rps) <= most_turn + kRounding &&
+         std::abs(command.speed_mps - robot.speed_mps) <= gain + kRounding &&
+         std::abs(command.turn_rate_rps - robot.turn_rate_rps) <= turn_gain + kRounding;
 }
 
 /// The first frame that is wrong, or the one that came closest to it, by @p judge of one.

@@ -1,6 +1,7 @@
 // pirt plan: the shortest paths of a robot on an occupancy grid.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -35,17 +36,18 @@ struct PlanFlags {
   Output json;
 };
 
-/// How far a length may be from the published one, which has eight decimals.
+/// How far a length may be from a published one with eight decimals.
 constexpr double kSameLength = 1e-6;
 
 struct Query {
   Cell start, goal;
   std::optional<double> published;  ///< Length in cells.
+  double rounding = 0;              ///< Of that.
   Path path = {};
 
   [[nodiscard]] bool differs() const {
-    return published &&
-           (path.status != PathStatus::kFound || std::abs(path.length - *published) > kSameLength);
+    return published && (path.status != PathStatus::kFound ||
+                         std::abs(path.length - *published) > std::max(kSameLength, rounding));
   }
 };
 
@@ -59,7 +61,7 @@ Point parse_point(const std::string& option, const std::string& text) {
           decimal_number(parts[1], -kFarthest, kFarthest).or_refuse(option + " y")};
 }
 
-std::string text_of(Point point) { return fmt::format("{:.6g},{:.6g}", point.x, point.y); }
+std::string text_of(Point point) { return fmt::format("{:.10g},{:.10g}", point.x, point.y); }
 
 /// @throws Error{kBadInput} unless the robot can be there, with the nearest place where it can.
 Cell find_cell(const std::string& option, const std::string& text, const Grid& grid,
@@ -93,7 +95,7 @@ std::vector<Query> read_queries(const PlanFlags& options, const Grid& grid,
   for (const auto& query : planning::read_scenario(*options.scenario, grid)) {
     // A robot with a radius makes detours that the published lengths do not have.
     const auto published = options.radius == 0 ? std::optional(query.optimal_length) : std::nullopt;
-    queries.push_back({query.start, query.goal, published});
+    queries.push_back({query.start, query.goal, published, query.rounding});
   }
   return queries;
 }

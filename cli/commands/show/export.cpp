@@ -1,8 +1,12 @@
 // pirt export: a profile in the formats of other tools.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <array>
 #include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "cli/commands.h"
 #include "cli/options/files.h"
@@ -12,7 +16,6 @@
 #include "reports/export/profile_export.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
-#include "workloads/base/text/text.h"
 
 namespace pirt::cli {
 namespace {
@@ -26,22 +29,20 @@ struct ExportFlags {
   Output output;
 };
 
-const std::vector<std::string>& formats() {
-  static const std::vector<std::string> kFormats = {"json", "csv", "gbench"};
-  return kFormats;
+constexpr std::array kTables = {
+    std::pair("profile", CsvTable::kProfile), std::pair("conditions", CsvTable::kConditions),
+    std::pair("units", CsvTable::kUnitTimes), std::pair("energy", CsvTable::kEnergy),
+    std::pair("peaks", CsvTable::kPeaks),     std::pair("samples", CsvTable::kSamples)};
+
+std::vector<std::string> table_names() {
+  std::vector<std::string> names;
+  for (const auto& [name, table] : kTables) names.emplace_back(name);
+  return names;
 }
 
-CsvTable parse_table(const std::string& name) {
-  constexpr std::array kTables = {
-      std::pair("profile", CsvTable::kProfile), std::pair("conditions", CsvTable::kConditions),
-      std::pair("units", CsvTable::kUnitTimes), std::pair("energy", CsvTable::kEnergy),
-      std::pair("peaks", CsvTable::kPeaks),     std::pair("samples", CsvTable::kSamples)};
-  std::vector<std::string> known;
-  for (const auto& [text, table] : kTables) {
-    if (name == text) return table;
-    known.emplace_back(text);
-  }
-  throw_bad_input("unknown --table '" + name + "'" + suggestion(name, known));
+CsvTable table_of(const std::string& name) {
+  return std::ranges::find_if(kTables, [&](const auto& each) { return each.first == name; })
+      ->second;
 }
 
 std::string exported(const ExportFlags& options) {
@@ -49,8 +50,7 @@ std::string exported(const ExportFlags& options) {
     return load_with_samples(options.database, options.platform, options.filter);
   };
   if (options.format == "csv") {
-    const auto table = parse_table(options.table.empty() ? "profile" : options.table);
-    return export_csv(load(), table);
+    return export_csv(load(), table_of(options.table.empty() ? "profile" : options.table));
   }
   if (!options.table.empty()) throw_bad_input("--table is for --format csv only; leave it out");
   if (options.format == "json") {
@@ -65,12 +65,7 @@ std::string exported(const ExportFlags& options) {
 
 int run_export(const ExportFlags& options) {
   if (options.format.empty()) {
-    throw_bad_input("--format is required: " + join(formats(), ", ") +
-                    "; see 'pirt export --help'");
-  }
-  if (std::ranges::find(formats(), options.format) == formats().end()) {
-    throw_bad_input("unknown --format '" + options.format + "'" +
-                    suggestion(options.format, formats()));
+    throw_bad_input("--format is required; see 'pirt export --help'");
   }
   if (options.database.empty()) {
     throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one");
@@ -87,15 +82,12 @@ void add_export(CLI::App& app, Action& action) {
       app, "export",
       "Write a profile for other tools: the newest rows of one platform, with provenance");
   add_input(command, "profile", &options->database, "The profile database");
-  add_text(command, "--format", &options->format, "FORMAT",
-           "json: everything, raw samples included | csv: one table | gbench: JSON as "
-           "Google Benchmark writes it, valid rows only, ns a call")
-      .offers(std::vector<std::string>{"json", "csv", "gbench"});
-  add_text(command, "--table", &options->table, "TABLE",
-           "With csv: profile | conditions (cold caches, beside others) | units (hand-overs and "
-           "what else they take beside calls) | energy | peaks | samples (default: profile)")
-      .offers(
-          std::vector<std::string>{"profile", "conditions", "units", "energy", "peaks", "samples"});
+  add_choice(command, "--format", &options->format, "FORMAT", {"json", "csv", "gbench"},
+             "Everything with the raw samples, one table, or JSON as Google Benchmark writes it "
+             "(valid rows only, ns a call)");
+  add_choice(command, "--table", &options->table, "TABLE", table_names(),
+             "With csv (default: profile); conditions are cold caches and calls beside others, "
+             "units are hand-overs and what else they take beside calls");
   add_filter(command, options->filter);
   add_text(command, "--platform", &options->platform, "NAME",
            "The runs of this platform (default: that of the newest run)")

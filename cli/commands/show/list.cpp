@@ -345,7 +345,7 @@ Listing list_named(const std::string& what, const std::vector<std::string>& name
   return {{.title = "pirt " + what, .parts = {table}}, {{what, rows}}};
 }
 
-/// Those that need a device which is not here say so.
+/// Those that need a device which is not here say so, and those of which no unit is here.
 Listing list_platforms() {
   Table table{
       .title = "platforms",
@@ -355,12 +355,17 @@ Listing list_platforms() {
   for (const std::string& name : shipped_platforms()) {
     const Platform platform = load_platform(name);
     std::string reason;
+    bool some = false, needed = false;
     for (UnitModel unit : platform.units) {
+      if (!unit.measured()) continue;
       bool available = true;
-      if (unit.device.empty()) continue;
       const std::string status = unit_status(unit, available);
-      if (!available) reason = fmt::format("{}: {}", unit.name, status);
+      some |= available;
+      if (available || (unit.device.empty() && !reason.empty())) continue;
+      needed |= !unit.device.empty();
+      reason = fmt::format("{}: {}", unit.name, status);
     }
+    if (some && !needed) reason.clear();
     table.rows.push_back({name, reason.empty() ? "yes" : "no", platform.description});
     Json row = {
         {"name", name}, {"description", platform.description}, {"available", reason.empty()}};

@@ -221,7 +221,8 @@ TEST_F(Doctor, NamesTheExactCommands) {
 TEST_F(Doctor, LooksForEveryMeter) {
   auto machine = test::healthy_board(folder.path());
   auto input = input_of(machine);
-  std::filesystem::remove_all(folder.path() / "sys/class/powercap");
+  const auto rapl = folder.path() / "sys/class/powercap";
+  std::filesystem::rename(rapl, folder.path() / "powercap");
   EXPECT_EQ(finding_of(input, "energy_meter").level, Level::kUnknown);
   const auto chip = folder.path() / "sys/bus/i2c/drivers/ina3221/1-0040/hwmon/hwmon3";
   std::filesystem::create_directories(chip);
@@ -237,6 +238,25 @@ TEST_F(Doctor, LooksForEveryMeter) {
   input.readable = [](const auto&) { return false; };
   EXPECT_EQ(finding_of(input, "energy_meter").level, Level::kNote);
   EXPECT_THAT(finding_of(input, "energy_meter").found, HasSubstr("VDD_IN"));
+  std::filesystem::rename(folder.path() / "powercap", rapl);
+  input.readable = [](const std::filesystem::path& file) {
+    return file.string().find("powercap") == std::string::npos;
+  };
+  EXPECT_EQ(finding_of(input, "energy_meter").level, Level::kGood);
+  EXPECT_EQ(finding_of(input, "energy_meter").found,
+            "VDD_IN can be read (pirt list meters); RAPL is there and may not be read");
+}
+
+// Else the boards of this machine would be named.
+TEST_F(Doctor, ARecordedMachineHasNoBoardsOfNvml) {
+  auto input = input_of(test::healthy_board(folder.path()));
+  ::setenv("PIRT_NVML", test::kNvmlStandIn, 1);
+  ::setenv("NVML_STAND_IN", "boards=01", 1);
+  EXPECT_THAT(finding_of(input, "energy_meter").found, testing::Not(HasSubstr("nvidia")));
+  input.inherited.emplace();
+  EXPECT_THAT(finding_of(input, "energy_meter").found, HasSubstr("nvidia/0000:01:00.0"));
+  ::setenv("PIRT_NVML", "none", 1);
+  ::unsetenv("NVML_STAND_IN");
 }
 
 TEST_F(Doctor, SaysWhatAGpuIs) {

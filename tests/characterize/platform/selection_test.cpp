@@ -11,6 +11,7 @@ namespace pirt {
 namespace {
 
 using testing::ElementsAre;
+using testing::UnorderedElementsAre;
 
 std::vector<std::string> chosen(const std::string& filter,
                                 const std::vector<std::string>& in_variants = {},
@@ -39,6 +40,10 @@ TEST(ChooseWorkloads, TheFilterMayNameThemItself) {
   EXPECT_THAT(chosen("^sobel@map$"), ElementsAre("sobel@map"));
   EXPECT_THAT(chosen("fc8@(int8|batch2|batch16)$"),
               ElementsAre("fc8@int8", "fc8@batch2", "fc8@batch16"));
+  EXPECT_THAT(chosen("^sobel@(1280x720|640x480|map)$"),
+              UnorderedElementsAre("sobel@1280x720", "sobel@640x480", "sobel@map"));
+  EXPECT_THAT(chosen("^sobel@(map|1280x720)$"),
+              UnorderedElementsAre("sobel@map", "sobel@1280x720"));
 }
 
 TEST(ChooseWorkloads, RefusesWhatThereIsNot) {

@@ -91,6 +91,9 @@ TEST(Published, NcnnIsRefusedWithTheLine) {
   EXPECT_THAT(problem("soc,unit,threads,network\na,CPU,1,n\n"), HasSubstr("no column 'avg_ms'"));
   EXPECT_THAT(problem("soc,unit,threads,network,min_ms,max_ms,avg_ms\na,CPU,1,n,2,3,4\n"),
               HasSubstr("not between"));
+  EXPECT_THAT(problem(head + "Acme 1,CPU,1,n,1\n日本,CPU,1,n,1\n"),
+              HasSubstr("t.csv:3: soc '日本' has no letter"));
+  EXPECT_THAT(problem(head + "Acme 1,CPU,1,網,1\n"), HasSubstr("t.csv:2: network '網' has no"));
 }
 
 TEST(Published, RobotPerfTakesMeansAndSaysWhatItLeavesOut) {
@@ -123,6 +126,16 @@ TEST(Published, Ros2BenchmarkTakesLatenciesAtFixedRates) {
   EXPECT_EQ(board.facts.at("published.highest_rate_hz"), "425.5");
 }
 
+TEST(Published, Ros2BenchmarkIsRefusedWithoutNames) {
+  const auto problem = [](const std::string& what) {
+    std::string text = kRos2;
+    text.replace(text.find(what), what.size(), "網");
+    return bad_input([&] { static_cast<void>(read_publication("r.json", text)); });
+  };
+  EXPECT_THAT(problem("thor-1"), HasSubstr("'網' has no letter or digit"));
+  EXPECT_THAT(problem("image_proc::RectifyNode"), HasSubstr("'網' has no letter or digit"));
+}
+
 TEST(Published, OtherFilesAreRefused) {
   const auto problem = [&](const std::string& text) {
     return bad_input([&] { static_cast<void>(read_publication("f", text)); });
@@ -137,6 +150,13 @@ TEST(Published, OtherFilesAreRefused) {
 /// What is said of a table of times that is refused.
 std::string times_problem(const std::string& text) {
   return bad_input([&] { static_cast<void>(read_publication("t.csv", text)); });
+}
+
+TEST(Times, UnitsAreNoWordsOfPlatformFiles) {
+  for (const char* unit : {"source", "provenance", "call_j", "null", "NULL"}) {
+    EXPECT_THAT(times_problem(fmt::format("workload,unit,ms\nmine.icp,{},48\n", unit)),
+                HasSubstr(fmt::format("t.csv:2: unit '{}' is a word of platform files", unit)));
+  }
 }
 
 TEST(Times, AreTakenByTheNamesOfTheirColumns) {

@@ -198,6 +198,18 @@ TEST(AvoidObstacles, StandsWhereNothingIsSafe) {
   EXPECT_EQ(command.turn_rate_rps, 0);
 }
 
+TEST(AvoidObstacles, BrakesARobotThatIsBeyondItsLimits) {
+  const Point middle = {5, 5};
+  const Grid window = window_of(room(), middle, 4);
+  const auto command = [&](double speed, double turn) {
+    return avoid_obstacles({middle, 0, speed, turn}, window, {}, kGoal, {});
+  };
+  EXPECT_DOUBLE_EQ(command(-0.5, 0).speed_mps, -0.35);
+  EXPECT_DOUBLE_EQ(command(1.3, 0).speed_mps, 1.15);
+  EXPECT_DOUBLE_EQ(command(0.5, 3).turn_rate_rps, 2.4);
+  EXPECT_DOUBLE_EQ(command(0.5, -3).turn_rate_rps, -2.4);
+}
+
 // As a measurement may be that went wrong: it ends, with a command that brakes.
 TEST(AvoidObstacles, EndsWhateverTheRobotIsSaidToDo) {
   const Grid map = room();

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <limits>
 #include <string>
 
@@ -218,6 +219,29 @@ TEST(AvoidObstaclesWorkload, JudgesByTheWindow) {
   EXPECT_FALSE(judged(1.0, 0).ok) << "0.58 m to a wall, 0.25 m of them the robot's, 0.43 m to stop";
   EXPECT_FALSE(judged(0.5, 0).ok) << "braking harder than it can";
   EXPECT_FALSE(judged(0.75, 1.4).ok) << "turning faster than it can";
+}
+
+TEST(AvoidObstaclesWorkload, JudgesARobotThatRollsBackwards) {
+  const Workload& workload = find_workload("avoid_obstacles");
+  AvoidSample sample = avoid_sample(1, 0);
+  sample.robot.heading_rad = 0;
+  sample.robot.speed_mps = -0.5;
+  sample.robot.turn_rate_rps = 0;
+  std::ranges::fill(sample.window.cells, CellState::kFree);
+  const auto judged = [&](double speed) {
+    Data data;
+    data.inputs = avoid_inputs(sample.robot, sample.window, sample.moving, sample.target);
+    auto outputs = make_tensors(workload.outputs);
+    outputs[0].as<double>()[0] = speed;
+    outputs[0].as<double>()[1] = 0;
+    const PlayedFrame frame{.data = &data, .outputs = outputs, .expected = outputs};
+    return workload.judge({&frame, 1});
+  };
+  EXPECT_TRUE(judged(-0.35).ok) << judged(-0.35).detail;
+  EXPECT_FALSE(judged(0).ok) << "braking harder than it can";
+  const Cell at = sample.window.cell_of(sample.robot.position);
+  sample.window.cells[sample.window.index({at.x - 4, at.y})] = CellState::kOccupied;
+  EXPECT_FALSE(judged(-0.35).ok) << "a wall behind it";
 }
 
 }  // namespace

@@ -140,8 +140,31 @@ std::vector<std::string> key_names(const YAML::Node& map) {
   return names;
 }
 
-/// The node that an override's path leads to below @p parent. Editing a node that an alias shares
-/// would change more than was asked for.
+/// The paths of @p node at and below @p from: several if an alias shares it.
+void add_paths(const YAML::Node& from, const std::string& path, const YAML::Node& node,
+               std::vector<std::string>& paths) {
+  if (from.is(node)) paths.push_back(path);
+  std::size_t i = 0;
+  for (const auto& child : from) {
+    if (from.IsMap()) {
+      add_paths(child.second, child_path(path, child.first.Scalar()), node, paths);
+    } else {
+      add_paths(child, fmt::format("{}[{}]", path, i++), node, paths);
+    }
+  }
+}
+
+/// Editing a node that an alias shares would change more than was asked for.
+void refuse_shared(const YAML::Node& document, const YAML::Node& node, const std::string& what) {
+  std::vector<std::string> paths;
+  add_paths(document, "", node, paths);
+  if (paths.size() < 2) return;
+  throw_bad_input(
+      fmt::format("{}: {} is the same YAML node as {}; write it out to change one of them", what,
+                  paths[0], paths[1]));
+}
+
+/// The map that an override's path leads to below @p parent.
 YAML::Node step_into(const YAML::Node& parent, const std::string& key, const std::string& path,
                      const std::string& what) {
   const YAML::Node child = child_of(parent, key);
@@ -150,13 +173,6 @@ YAML::Node step_into(const YAML::Node& parent, const std::string& key, const std
                     suggestion(key, key_names(parent)));
   }
   if (!child.IsMap()) throw_bad_input(what + ": " + path + "." + key + " is not a map");
-  for (const auto& entry : parent) {
-    if (entry.first.Scalar() != key && entry.second.is(child)) {
-      throw_bad_input(fmt::format(
-          "{}: {}.{} is the same YAML node as {}.{}; write it out to change one of them", what,
-          path, key, path, entry.first.Scalar()));
-    }
-  }
   return child;
 }
 
@@ -182,9 +198,11 @@ void apply(const YAML::Node& document, const std::string& root, const YamlOverri
       parent[keys[i]] = YAML::Node(YAML::NodeType::Map);
     }
     const YAML::Node child = step_into(parent, keys[i], path, what);
+    refuse_shared(document, child, what);
     parent.reset(child);
     path += "." + keys[i];
   }
+  refuse_shared(document, child_of(parent, keys.back()), what);
   parent[keys.back()] = value;
 }
 

@@ -210,6 +210,23 @@ TEST(Yaml, DoesNotChangeTwoUnitsByOneOverride) {
               AllOf(HasSubstr("units.a"), HasSubstr("units.b")));
 }
 
+TEST(Yaml, DoesNotChangeASettingOfTwoUnitsByOneOverride) {
+  const auto refused = [](const std::string& text, const std::string& path) {
+    return bad_input([&] {
+      static_cast<void>(parse_yaml("f.yaml", text, "units", {{path, "2"}}));
+    });
+  };
+  EXPECT_THAT(refused("units:\n  a: {active_w: &w 1}\n  b: {active_w: *w}\n", "a.active_w"),
+              HasSubstr("units.a.active_w is the same YAML node as units.b.active_w"));
+  const std::string nested = "units:\n  a: {energy: &e {op_pj: 1}}\n  b: {energy: *e}\n";
+  for (const char* path : {"b.energy.op_pj", "b.energy"}) {
+    EXPECT_THAT(refused(nested, path),
+                HasSubstr("units.a.energy is the same YAML node as units.b.energy"));
+  }
+  EXPECT_THAT(refused("units:\n  a: {cores: &c [0]}\n  b: {sets: [*c]}\n", "a.cores"),
+              HasSubstr("units.a.cores is the same YAML node as units.b.sets[0]"));
+}
+
 TEST(Yaml, DumpsAPartThatReadsTheSame) {
   const auto node = parse("s: {wrong_output: [a, b], samples: {sobel: [1.0, 1.1]}}");
   const auto again = parse(node.at("s").dump());
