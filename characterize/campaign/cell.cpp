@@ -197,6 +197,7 @@ CellSamples CellMeasurement::samples(Phase phase) const {
     const bool has_cpu = all.cpu.size() == all.samples.size() && !found->cpu.empty();
     all.samples.insert(all.samples.end(), found->samples.begin(), found->samples.end());
     all.processes.resize(all.samples.size(), process++);
+    all.others.push_back(taken.result.during_calls.others);
     if (has_cpu) all.cpu.insert(all.cpu.end(), found->cpu.begin(), found->cpu.end());
     all.batch = all.batch == 0 ? found->batch : std::min(all.batch, found->batch);
   }
@@ -260,17 +261,11 @@ std::optional<double> CellMeasurement::taken(const CellSamples& calls) const {
       request_.unit.cores.empty() ? usable_cores().size() : request_.unit.cores.size();
   const auto wall = process_medians(calls.samples, calls.processes);
   const auto cpu = process_medians(calls.cpu, calls.processes);
-  std::vector<double> others;
-  for (const Taken& each : shown()) {
-    const auto found = std::ranges::find(each.result.phases, calls.phase, &PhaseSamples::phase);
-    const bool has_calls = found != each.result.phases.end() && !found->samples.empty();
-    if (has_calls) others.push_back(each.result.during_calls.others);
-  }
   std::vector<double> shares;
   for (std::size_t i = 0; i < wall.size(); ++i) {
     if (wall[i] <= Nanos::zero()) return std::nullopt;
     const double idle = 1 - to_s(cpu[i]) / to_s(wall[i]) / static_cast<double>(cores);
-    shares.push_back(others[i] > 0 ? std::min(idle, others[i]) : idle);
+    shares.push_back(calls.others[i] > 0 ? std::min(idle, calls.others[i]) : idle);
   }
   return std::clamp(median_of(shares), 0.0, 1.0);
 }

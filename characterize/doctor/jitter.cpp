@@ -72,7 +72,7 @@ std::vector<Nanos> time_reading(Nanos duration) {
   constexpr std::int64_t kWithoutCacheSizes = std::int64_t{64} << 20;
   const auto last = read_cache_sizes().last_bytes;
   const auto bytes = static_cast<std::size_t>(
-      std::min(last ? 2 * *last : kWithoutCacheSizes, most_memory_bytes() / 8));
+      std::min(last ? 2 * *last : kWithoutCacheSizes, most_filled_bytes()));
   const LargeMemory memory(std::max(bytes, kStep));
   auto* const words = memory.as<std::uint32_t>();
   const MachineClock clock;

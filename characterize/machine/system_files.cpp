@@ -181,9 +181,9 @@ std::optional<std::int64_t> memory_limit_bytes(const std::filesystem::path& root
   return least;
 }
 
-std::int64_t most_memory_bytes() {
+std::int64_t most_filled_bytes() {
   const std::int64_t all = std::int64_t{::sysconf(_SC_PHYS_PAGES)} * ::sysconf(_SC_PAGE_SIZE);
-  return std::min(all, memory_limit_bytes().value_or(all));
+  return std::min(all, memory_limit_bytes().value_or(all)) / 8;
 }
 
 }  // namespace pirt

@@ -65,7 +65,7 @@ struct Attribute {
 /// @source Documentation/admin-guide/cgroup-v2 (memory.max), cgroup-v1/memory.
 [[nodiscard]] std::optional<std::int64_t> memory_limit_bytes(
     const std::filesystem::path& root = "/");
-/// What this process may have at most: that, or all that this machine has.
-[[nodiscard]] std::int64_t most_memory_bytes();
+/// What a measurement may fill for itself: an eighth of that, or of all that this machine has.
+[[nodiscard]] std::int64_t most_filled_bytes();
 
 }  // namespace pirt

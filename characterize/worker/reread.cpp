@@ -32,7 +32,7 @@ std::int64_t last_of(const std::vector<int>& cores) {
 
 bool Reread::possible(const std::vector<int>& cores) {
   const auto bytes = reached_cache_bytes(cores);
-  return bytes && *bytes <= most_memory_bytes() / 8;
+  return bytes && *bytes <= most_filled_bytes();
 }
 
 std::span<const SleepPlan> Reread::plans() { return kPlans; }

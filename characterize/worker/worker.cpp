@@ -481,7 +481,7 @@ class Worker {
                           std::optional<std::int64_t> bytes) {
     constexpr int kNothingBeside = 20;
     const auto execute = std::ranges::find(result_.phases, Phase::kExecute, &PhaseSamples::phase);
-    if (!bytes || *bytes > most_memory_bytes() / 8 || execute == result_.phases.end()) return;
+    if (!bytes || *bytes > most_filled_bytes() || execute == result_.phases.end()) return;
     begin(fmt::format("sampling {}", to_string(condition)));
     CacheSweep sweep(cores, *bytes);
     const Nanos start = machine_.now();

@@ -184,9 +184,7 @@ Activities::Activities(ActivityOptions options) : options_(std::move(options)) {
   constexpr Nanos kAvoid = std::chrono::milliseconds(40);
   if (options_.recognition_hz > 0) {
     if (options_.model) {
-      recognition::ModelOptions model = *options_.model;
-      model.threads = 1;  // The machine's other cores are other units'.
-      model_ = std::make_shared<recognition::Model>(model);
+      model_ = std::make_shared<recognition::Model>(*options_.model);
       static_cast<void>(recognition::detect_objects(*model_, blank, {}));
     }
     recognition_ = std::make_unique<Activity>(model_ ? "recognize" : "alexnet",

@@ -53,7 +53,7 @@ struct ModelOptions {
   /// letter_box=1.
   std::optional<Fit> fit = std::nullopt;
   std::string config_option = "--config";  ///< What the user gives `config` with.
-  int threads = 0;                         ///< As OpencvThreads.
+  int threads = 1;                         ///< As OpencvThreads.
 };
 
 /// Of all that its answers follow from but the picture: what the files hold, and how it is used.

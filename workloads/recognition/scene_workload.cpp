@@ -21,15 +21,9 @@ TensorSpec text_spec(const char* name, std::int64_t most_bytes) {
   return {.name = name, .element = Element::kU8, .shape = {most_bytes}, .varies = true};
 }
 
-/// On one thread, as all that is a function of the host's.
-std::shared_ptr<Model> open(ModelOptions model) {
-  model.threads = 1;
-  return std::make_shared<Model>(model);
-}
-
 KernelFunction open(const SceneModels& models) {
-  auto detector = open(models.detector);
-  auto classifier = models.classifier ? open(*models.classifier) : nullptr;
+  auto detector = std::make_shared<Model>(models.detector);
+  auto classifier = models.classifier ? std::make_shared<Model>(*models.classifier) : nullptr;
   return [detector = std::move(detector), classifier = std::move(classifier)](
              std::span<const Tensor> inputs, std::span<Tensor> outputs) {
     const Scene scene =

@@ -36,10 +36,17 @@ void append_rows(const recognition::Scene& scene, Table& table) {
   if (scene.objects.empty()) table.rows.push_back({scene.image, "-", "-", "-", "-", "-"});
 }
 
+/// On all cores: nothing else computes here.
+recognition::Model open(const ModelFlags& flags) {
+  auto options = flags.options();
+  options.threads = 0;
+  return recognition::Model(options);
+}
+
 int describe(const DescribeFlags& options) {
-  recognition::Model detector(options.detector.options());
+  recognition::Model detector = open(options.detector);
   std::optional<recognition::Model> classifier;
-  if (options.classifier.model) classifier.emplace(options.classifier.options());
+  if (options.classifier.model) classifier.emplace(open(options.classifier));
   std::string lines;
   Table table;
   table.columns = {{"picture", Align::kLeft}, {"object", Align::kLeft}, {"score"}, {"at"}, {"size"},

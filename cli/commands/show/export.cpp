@@ -16,6 +16,7 @@
 #include "reports/export/profile_export.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::cli {
 namespace {
@@ -28,6 +29,11 @@ struct ExportFlags {
   std::string platform;
   Output output;
 };
+
+const std::vector<std::string>& formats() {
+  static const std::vector<std::string> names = {"json", "csv", "gbench"};
+  return names;
+}
 
 constexpr std::array kTables = {
     std::pair("profile", CsvTable::kProfile), std::pair("conditions", CsvTable::kConditions),
@@ -65,7 +71,8 @@ std::string exported(const ExportFlags& options) {
 
 int run_export(const ExportFlags& options) {
   if (options.format.empty()) {
-    throw_bad_input("--format is required; see 'pirt export --help'");
+    throw_bad_input("--format is required: " + join(formats(), ", ") +
+                    "; see 'pirt export --help'");
   }
   if (options.database.empty()) {
     throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one");
@@ -82,7 +89,7 @@ void add_export(CLI::App& app, Action& action) {
       app, "export",
       "Write a profile for other tools: the newest rows of one platform, with provenance");
   add_input(command, "profile", &options->database, "The profile database");
-  add_choice(command, "--format", &options->format, "FORMAT", {"json", "csv", "gbench"},
+  add_choice(command, "--format", &options->format, "FORMAT", formats(),
              "Everything with the raw samples, one table, or JSON as Google Benchmark writes it "
              "(valid rows only, ns a call)");
   add_choice(command, "--table", &options->table, "TABLE", table_names(),
