@@ -108,11 +108,12 @@ class Robot {
       ++under_way_;
     }
     Submission submission = test::make_submission(workload_, {.tens_of_ms = kServiceMs / 10});
-    submission.ended = [this](const TaskEnd& end) {
+    submission.ended = [this, begin = pirt::MachineClock().now()](const ReplyMessage& end) {
       {
         const std::lock_guard lock(mutex_);
         --under_way_;
-        if (end.how == CallEndKind::kDone) took_ms_.push_back(pirt::to_ms(end.total));
+        const Nanos took = pirt::MachineClock().now() - begin;
+        if (end.problem.empty()) took_ms_.push_back(pirt::to_ms(took));
       }
       changed_.notify_all();
       submit();
@@ -211,7 +212,7 @@ class ByHand {
     worker_.subscribe("bench.offer",
                       [this](const Incoming&) { worker_.publish("bench.claim", {}); });
     robot_.subscribe("bench.claim", [this](const Incoming&) {
-      robot_.publish("bench.task", encode(TaskMessage{.inputs = *data_}));
+      robot_.publish("bench.task", encode(TaskMessage{.inputs = {*data_, {}}}));
     });
     worker_.subscribe("bench.task", [this](const Incoming& message) {
       auto task = decode_as<TaskMessage>(message.data);
@@ -272,8 +273,8 @@ void call_and_wait(RobotLink& robot, const Submission& task) {
   std::condition_variable changed;
   bool ended = false;
   Submission submission = task;
-  submission.ended = [&](const TaskEnd& end) {
-    if (end.how != CallEndKind::kDone) fmt::print(stderr, "{}\n", end.problem), std::abort();
+  submission.ended = [&](const ReplyMessage& end) {
+    if (!end.problem.empty()) fmt::print(stderr, "{}\n", end.problem), std::abort();
     const std::lock_guard lock(mutex);
     ended = true;
     changed.notify_all();
@@ -346,7 +347,7 @@ std::vector<double> rates(double seconds, bool greedy) {
   std::vector<double> all;
   for (int r = 1; r <= kOthers; ++r) {
     const auto& link = *links[static_cast<std::size_t>(r)];
-    all.push_back(static_cast<double>(link.counts().ended(CallEndKind::kDone)) / seconds);
+    all.push_back(static_cast<double>(link.counts().done) / seconds);
   }
   return all;
 }
@@ -386,10 +387,10 @@ bool memory(int tasks) {
 class Stalling : public Computer {
  public:
   explicit Stalling(bool stalls) : stalls_(stalls) {}
-  void compute(const Call& call, ReplyMessage& reply) override {
+  ReplyMessage compute(const Call& call) override {
     const bool now = stalls_ && ++calls_ % 33 == 0;
     std::this_thread::sleep_for(std::chrono::milliseconds(now ? 10 * kServiceMs : kServiceMs));
-    reply.outputs = encode_tensors(pirt::make_tensors(call.workload->outputs));
+    return {.outputs = {encode_tensors(pirt::make_tensors(call.workload->outputs)), {}}};
   }
 
  private:

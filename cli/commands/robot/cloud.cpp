@@ -19,7 +19,7 @@
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "scheduler/runtime/time_limit.h"
-#include "workloads/backends/nats/service/cloud_service.h"
+#include "workloads/backends/nats/service/worker_link.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"

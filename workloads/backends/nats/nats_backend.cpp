@@ -3,7 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <charconv>
+#include <atomic>
 #include <condition_variable>
 #include <map>
 #include <mutex>
@@ -19,7 +19,7 @@
 #include "workloads/base/text/yaml.h"
 #include "workloads/model/remote.h"
 
-namespace pirt {
+namespace pirt::cloud {
 namespace {
 
 using namespace std::chrono_literals;
@@ -37,12 +37,12 @@ Support support_of(const Workload& workload) {
 struct Flight {
   std::mutex mutex;
   std::condition_variable changed;
-  bool unwanted = false;                   ///< Nobody waits for the end of the call that is bound.
-  std::optional<cloud::TaskId> task = {};  ///< Changed by the thread that uses the kernel.
+  std::atomic<bool> unwanted = false;  ///< Nobody waits for the end of the call that is bound.
+  std::optional<TaskId> task = {};     ///< Changed by the thread that uses the kernel.
   bool taken = false, missing = false;
-  std::optional<cloud::TaskEnd> end = {};
+  std::optional<ReplyMessage> end = {};
 
-  void begin(std::optional<cloud::TaskId> next) {
+  void begin(std::optional<TaskId> next) {
     const std::lock_guard lock(mutex);
     task = next;
     taken = missing = false;
@@ -50,7 +50,7 @@ struct Flight {
   }
   /// What is said of a task that it has no more changes nothing.
   template <typename Change>
-  void tell(const cloud::TaskId& of, Change change) {
+  void tell(const TaskId& of, Change change) {
     const std::lock_guard lock(mutex);
     if (task != of) return;
     change(*this);
@@ -60,24 +60,23 @@ struct Flight {
 
 /// As they travel. Kernels with the same content share the bytes.
 struct Parameters {
-  std::shared_ptr<const cloud::Bytes> bytes = {};
-  cloud::Digest digest = {};
+  std::shared_ptr<const Bytes> bytes = {};
+  Digest digest = {};
 };
 
 class CloudKernel : public Kernel {
  public:
-  CloudKernel(cloud::RobotLink& link, const Workload& workload, Parameters parameters,
-              Nanos patience)
+  CloudKernel(RobotLink& link, const Workload& workload, Parameters parameters, Nanos patience)
       : link_(link),
         workload_(workload),
         patience_(patience),
         parameters_(std::move(parameters)),
-        most_bytes_(cloud::encoded_bytes(workload.outputs)) {
-    cloud::Kind kind = cloud::kind_of(workload);
-    message_.workload = std::move(kind.name);
-    message_.sizes = std::move(kind.sizes);
-    message_.spec = cloud::spec_digest(workload);
-    known_by_ = kind.known_by;
+        most_bytes_(encoded_bytes(workload.outputs)) {
+    Kind kind = kind_of(workload);
+    call_.task.workload = std::move(kind.name);
+    call_.task.sizes = std::move(kind.sizes);
+    call_.task.spec = spec_digest(workload);
+    call_.known_by = kind.known_by;
   }
   ~CloudKernel() override { withdraw(); }
 
@@ -92,10 +91,7 @@ class CloudKernel : public Kernel {
   void expires_in(Nanos time_left) { expires_at_ = clock_.now() + time_left; }
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
-    {
-      const std::lock_guard lock(flight_->mutex);
-      flight_->unwanted = false;
-    }
+    flight_->unwanted = false;
     expires_at_.reset();
     inputs_ = inputs;
     outputs_ = outputs;
@@ -110,7 +106,7 @@ class CloudKernel : public Kernel {
   /// Until a worker has the task.
   void upload() override {
     withdraw();
-    sent_ = cloud::encode_tensors(inputs_);
+    sent_ = encode_tensors(inputs_);
     submit();
     wait([](const Flight& flight) { return flight.taken; });
   }
@@ -132,37 +128,34 @@ class CloudKernel : public Kernel {
 
   /// Reads what did not come with the reply.
   void download() override {
-    const auto* const blob = std::get_if<cloud::Blob>(&last_.outputs);
     const auto refuse = [&](const std::string& why) {
       throw_environment(fmt::format("worker {} replied to {} with something else: {}", last_.worker,
                                     workload_.name, why));
     };
-    if (blob != nullptr) {
+    if (const auto blob = last_.outputs.blob) {
       if (blob->size_bytes > most_bytes_) refuse(fmt::format("{} bytes", blob->size_bytes));
-      auto fetched = cloud::fetch_blob(
-          link_.connection(), link_.robot(),
-          blob_at("out", fmt::format("{}-{}", task_.hex(), last_.send)), *blob,
-          [this] { return is_unwanted(); }, patience_);
-      if (fetched.how == cloud::Fetched::How::kNoAnswer && !link_.is_up()) {
+      auto answer = fetch_blob(
+          link_.connection(), outputs_at(), *blob, [this] { return flight_->unwanted.load(); },
+          patience_);
+      if (!answer.came && !link_.is_up()) {
         throw_environment("the outputs of " + workload_.name +
                           " were not read: " + link_.why_down());
       }
-      if (fetched.how != cloud::Fetched::How::kWhole) refuse("its outputs are not on the server");
+      if (!answer.came || answer.status != 0) refuse("its outputs are not on the server");
       remove_blobs();
-      last_.outputs = std::move(fetched.bytes);
+      last_.outputs.bytes = std::move(answer.data);
     }
-    const std::string problem =
-        cloud::decode_tensors_into(std::get<cloud::Bytes>(last_.outputs), outputs_);
+    const std::string problem = decode_tensors_into(last_.outputs.bytes, outputs_);
     if (!problem.empty()) refuse(problem);
   }
 
  private:
   [[nodiscard]] std::string blob_at(std::string_view what, const std::string& name) const {
-    return cloud::blob_subject(link_.robot(), what, name);
+    return blob_subject(link_.robot(), what, name);
   }
-  [[nodiscard]] bool is_unwanted() {
-    const std::lock_guard lock(flight_->mutex);
-    return flight_->unwanted;
+  [[nodiscard]] std::string inputs_at() const { return blob_at("in", task_.hex()); }
+  [[nodiscard]] std::string outputs_at() const {
+    return blob_at("out", fmt::format("{}-{}", task_.hex(), last_.send));
   }
   /// Nothing that is still to be sent helps.
   [[nodiscard]] bool is_over() {
@@ -177,35 +170,35 @@ class CloudKernel : public Kernel {
     const auto most_inline = link_.connection().chunk_bytes();
     const auto chunk = link_.connection().blob_chunk_bytes();
     const std::uint64_t weights = parameters_.bytes == nullptr ? 0 : parameters_.bytes->size();
-    is_large_ = sent_.size() > most_inline;
+    const bool is_large = sent_.size() > most_inline;
     // What a worker answers lies on the stream when what was asked does no more.
     const std::uint64_t moved = std::max<std::uint64_t>(
-        is_large_ ? sent_.size() : 0, most_bytes_ > most_inline ? most_bytes_ : 0);
+        is_large ? sent_.size() : 0, most_bytes_ > most_inline ? most_bytes_ : 0);
     const std::string problem = link_.why_too_large(workload_.name, weights + moved);
     if (!problem.empty()) throw_environment(problem);
-    if (weights > 0) message_.parameters = cloud::Blob{parameters_.digest, weights, chunk};
-    if (is_large_) {
-      message_.inputs = cloud::Blob{cloud::digest_of(sent_), sent_.size(), chunk};
-      put("in", task_.hex(), sent_);
+    if (weights > 0) call_.task.parameters = Blob{parameters_.digest, weights, chunk};
+    if (is_large) {
+      call_.task.inputs = {{}, Blob{digest_of(sent_), sent_.size(), chunk}};
+      put_inputs();
     } else {
-      message_.inputs = sent_;
+      call_.task.inputs = {sent_, {}};
     }
     flight_->begin(task_);
-    cloud::Submission call{.task = message_, .known_by = known_by_};
-    if (expires_at_) call.time_left = std::max(*expires_at_ - clock_.now(), Nanos::zero());
+    call_.task.time_left.reset();
+    if (expires_at_) call_.task.time_left = std::max(*expires_at_ - clock_.now(), Nanos::zero());
     const auto tell = [flight = flight_, task = task_](auto change) { flight->tell(task, change); };
-    call.taken = [tell] { tell([](Flight& of) { of.taken = true; }); };
-    call.missing = [tell] { tell([](Flight& of) { of.missing = true; }); };
-    call.ended = [tell](cloud::TaskEnd end) { tell([&](Flight& of) { of.end = std::move(end); }); };
-    link_.submit(task_, std::move(call));
+    call_.taken = [tell] { tell([](Flight& of) { of.taken = true; }); };
+    call_.missing = [tell] { tell([](Flight& of) { of.missing = true; }); };
+    call_.ended = [tell](ReplyMessage end) { tell([&](Flight& of) { of.end = std::move(end); }); };
+    link_.submit(task_, call_);
   }
 
-  void put(std::string_view what, const std::string& name, cloud::ByteView bytes) {
+  void put_inputs() { put(inputs_at(), *call_.task.inputs.blob, sent_); }
+  void put(const std::string& at, const Blob& blob, ByteView bytes) {
     const Nanos begin = clock_.now();
-    const std::string problem = cloud::put_blob(
-        link_.connection(), blob_at(what, name), bytes, link_.connection().blob_chunk_bytes(),
-        [this] { return is_over(); }, patience_);
-    if (is_over() && !is_unwanted()) return;  // Another worker has answered meanwhile.
+    const std::string problem = put_blob(
+        link_.connection(), at, blob, bytes, [this] { return is_over(); }, patience_);
+    if (is_over() && !flight_->unwanted) return;  // Another worker has answered meanwhile.
     if (!problem.empty()) throw_environment(workload_.name + " was not sent: " + problem);
     link_.measure(clock_.now() - begin, bytes.size());
   }
@@ -213,9 +206,11 @@ class CloudKernel : public Kernel {
   /// A worker did not find something: parameters, if it is the first or they were there too long
   /// ago; else what was sent.
   void put_what_is_missing() {
-    const bool weighs = parameters_.bytes != nullptr && missed_++ % 2 == 0;
-    if (weighs) put("par", parameters_.digest.hex(), *parameters_.bytes);
-    if (!weighs && is_large_) put("in", task_.hex(), sent_);
+    if (parameters_.bytes != nullptr && missed_++ % 2 == 0) {
+      put(blob_at("par", parameters_.digest.hex()), *call_.task.parameters, *parameters_.bytes);
+    } else if (call_.task.inputs.blob) {
+      put_inputs();
+    }
     link_.ready(task_);
   }
 
@@ -247,7 +242,7 @@ class CloudKernel : public Kernel {
       }
       lock.lock();
     }
-    if (!flight_->end || flight_->end->how == cloud::CallEndKind::kDone) return;
+    if (!flight_->end || flight_->end->problem.empty()) return;
     const std::string problem = flight_->end->problem;
     lock.unlock();
     flight_->begin({});
@@ -262,63 +257,52 @@ class CloudKernel : public Kernel {
   }
 
   void remove_blobs() {
-    const auto remove = [this](std::string_view what, const std::string& name) {
-      cloud::remove_blob(link_.connection(), link_.robot(), blob_at(what, name));
-    };
-    if (std::exchange(is_large_, false)) remove("in", task_.hex());
-    if (std::holds_alternative<cloud::Blob>(last_.outputs)) {
-      remove("out", fmt::format("{}-{}", task_.hex(), last_.send));
-      last_.outputs = cloud::Bytes{};
-    }
+    if (std::exchange(call_.task.inputs.blob, {})) remove_blob(link_.connection(), inputs_at());
+    if (std::exchange(last_.outputs.blob, {})) remove_blob(link_.connection(), outputs_at());
   }
 
-  cloud::RobotLink& link_;
+  RobotLink& link_;
   const Workload& workload_;
   Nanos patience_;
   MachineClock clock_;
   Parameters parameters_;
   std::uint64_t most_bytes_;  ///< Of outputs.
-  cloud::TaskMessage message_;
-  std::optional<cloud::Digest> known_by_;
+  Submission call_;           ///< As it is submitted.
   std::span<const Tensor> inputs_;
   std::span<Tensor> outputs_;
   std::optional<Nanos> expires_at_;
-  cloud::Bytes sent_;
-  bool is_large_ = false;  ///< What was sent lies on the stream.
+  Bytes sent_;
   int missed_ = 0;
-  cloud::TaskId task_;
-  cloud::TaskEnd last_;
+  TaskId task_;
+  ReplyMessage last_;  ///< To the call before.
   const std::shared_ptr<Flight> flight_ = std::make_shared<Flight>();
 };
 
 DeviceInfo device_info(const std::string& server) {
   return {.name = "workers at " + server,
           .platform = "NATS",
-          .version = "protocol " + std::to_string(cloud::kProtocol)};
+          .version = "protocol " + std::to_string(kProtocol)};
 }
 
 /// "p95", or "20ms".
-void read_hedge(const YamlNode& node, cloud::CallerLimits& limits) {
+void read_hedge(const YamlNode& node, CallerLimits& limits) {
   const std::string text = node.text();
-  double ms = 0;
-  const char* const end = text.data() + text.size() - std::min<std::size_t>(2, text.size());
-  const auto read = std::from_chars(text.data(), end, ms);
-  if (text == "p95") {
-    limits.hedge_p95 = true;
-  } else if (text.ends_with("ms") && read.ec == std::errc() && read.ptr == end && ms > 0 &&
-             ms < 1e7) {
-    limits.hedge_after = from_ms(ms);
-  } else {
+  limits.hedge_p95 = text == "p95";
+  if (text.ends_with("ms")) {
+    limits.hedge_after =
+        milliseconds(std::string_view(text).substr(0, text.size() - 2), kNanosecondMs, 1e7).value;
+  }
+  if (!limits.hedge_p95 && !limits.hedge_after) {
     node.fail("a second worker is asked after p95, or after a time such as 20ms");
   }
 }
 
-cloud::RobotOptions read_request(const UnitRequest& request) {
-  cloud::RobotOptions options;
+RobotOptions read_request(const UnitRequest& request) {
+  RobotOptions options;
   if (request.script.empty()) return options;
   const YamlNode settings = parse_yaml("unit " + request.unit, request.script);
   settings.check_keys(nats_settings());
-  cloud::ConnectionOptions& connection = options.connection;
+  ConnectionOptions& connection = options.connection;
   const auto text = [&](const char* key, std::string& to) {
     if (settings.has(key)) to = settings.at(key).text();
   };
@@ -336,8 +320,8 @@ cloud::RobotOptions read_request(const UnitRequest& request) {
 
 class CloudDevice : public Device, public Remote {
  public:
-  CloudDevice(const cloud::RobotOptions& options, Nanos patience)
-      : server_(cloud::public_url(options.connection.server)), patience_(patience), link_(options) {
+  CloudDevice(const RobotOptions& options, Nanos patience)
+      : server_(public_url(options.connection.server)), patience_(patience), link_(options) {
     // Who is not there yet may come.
     static_cast<void>(link_.wait_until_up(kOpening));
   }
@@ -349,7 +333,7 @@ class CloudDevice : public Device, public Remote {
   }
   [[nodiscard]] bool is_reachable() const override { return link_.is_up(); }
   [[nodiscard]] LinkEstimate link() const override { return link_.estimate(); }
-  [[nodiscard]] std::uint64_t heard() const override { return link_.heard(); }
+  [[nodiscard]] std::uint64_t heard() const override { return link_.counts().others; }
   [[nodiscard]] Nanos patience() const override { return patience_; }
   void expires_in(Kernel& kernel, Nanos time_left) override {
     dynamic_cast<CloudKernel&>(kernel).expires_in(time_left);
@@ -370,8 +354,8 @@ class CloudDevice : public Device, public Remote {
   }
   Parameters shared(std::span<const Tensor> tensors) {
     if (tensors.empty()) return {};
-    auto bytes = std::make_shared<const cloud::Bytes>(cloud::encode_tensors(tensors));
-    const cloud::Digest digest = cloud::digest_of(*bytes);
+    auto bytes = std::make_shared<const Bytes>(encode_tensors(tensors));
+    const Digest digest = digest_of(*bytes);
     const std::lock_guard lock(mutex_);
     std::erase_if(parameters_, [](const auto& each) { return each.second.expired(); });
     auto& known = parameters_[digest];
@@ -382,8 +366,8 @@ class CloudDevice : public Device, public Remote {
   std::string server_;
   Nanos patience_;
   std::mutex mutex_;
-  std::map<cloud::Digest, std::weak_ptr<const cloud::Bytes>> parameters_;  ///< That kernels have.
-  cloud::RobotLink link_;
+  std::map<Digest, std::weak_ptr<const Bytes>> parameters_;  ///< That kernels have.
+  RobotLink link_;
 };
 
 class NatsBackend : public Backend {
@@ -408,7 +392,12 @@ class NatsBackend : public Backend {
 };
 
 }  // namespace
+}  // namespace pirt::cloud
 
-std::unique_ptr<const Backend> make_nats_backend() { return std::make_unique<NatsBackend>(); }
+namespace pirt {
+
+std::unique_ptr<const Backend> make_nats_backend() {
+  return std::make_unique<cloud::NatsBackend>();
+}
 
 }  // namespace pirt

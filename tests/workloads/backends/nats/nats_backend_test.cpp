@@ -1,11 +1,12 @@
 // The unit of role cloud as whoever drives it sees it: a device whose calls are computed elsewhere.
+#include "workloads/backends/nats/nats_backend.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
 #include "tests/workloads/backends/nats/nats_server.h"
-#include "workloads/backends/nats/nats_backend.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/model/remote.h"

@@ -94,8 +94,7 @@ class HostileRobot {
     Kind kind = kind_of(workload);
     return {.workload = std::move(kind.name),
             .sizes = std::move(kind.sizes),
-            .spec = spec_digest(workload),
-            .inputs = Bytes{}};
+            .spec = spec_digest(workload)};
   }
   /// What becomes of a task that a worker asked for.
   ReplyMessage ask(TaskMessage task) {
@@ -115,10 +114,11 @@ class HostileRobot {
     connection_.publish(subject("offer", name_), encode(OfferMessage{run, waiting}));
   }
   Blob put(std::string_view what, const std::string& name, const Bytes& bytes) {
-    EXPECT_EQ(put_blob(connection_, blob_subject(name_, what, name), bytes, 512 << 10,
-                       [] { return false; }),
-              "");
-    return {digest_of(bytes), bytes.size(), 512 << 10};
+    const Blob blob{digest_of(bytes), bytes.size(), 512 << 10};
+    EXPECT_EQ(
+        put_blob(connection_, blob_subject(name_, what, name), blob, bytes, [] { return false; }),
+        "");
+    return blob;
   }
   Blob put_parameters(const Bytes& bytes) { return put("par", digest_of(bytes).hex(), bytes); }
   /// The name of the next task.
@@ -224,11 +224,11 @@ TEST_F(CloudHostile, ReadsNothingWithAnothersParameters) {
     const Blob blob = robot_->put_parameters(zeros(right.parameters));
     TaskMessage task = HostileRobot::task_of(right);
     task.parameters = blob;
-    task.inputs = zeros(right.inputs);
+    task.inputs.bytes = zeros(right.inputs);
     EXPECT_EQ(robot_->ask(task).kind, ReplyKind::kDone) << "its own: they are known from now on";
     task = HostileRobot::task_of(other);
     task.parameters = blob;
-    task.inputs = zeros(other.inputs);
+    task.inputs.bytes = zeros(other.inputs);
     ReplyMessage reply = robot_->ask(task);
     EXPECT_EQ(reply.kind, ReplyKind::kRefused);
     EXPECT_THAT(reply.problem, HasSubstr("bytes of parameters"));
@@ -253,7 +253,7 @@ TEST_F(CloudHostile, TakesNoSlotWithNumbersThatAreOutOfRange) {
     inputs[2].as<double>()[3] = speed;
     inputs[4].set_rows(0);
     TaskMessage task = HostileRobot::task_of(avoid);
-    task.inputs = encode_tensors(inputs);
+    task.inputs.bytes = encode_tensors(inputs);
     const ReplyMessage reply = robot_->ask(task);
     EXPECT_EQ(reply.kind, ReplyKind::kRefused) << speed;
     EXPECT_THAT(reply.problem, HasSubstr("avoid_obstacles: robot f64[5]")) << speed;
@@ -302,9 +302,9 @@ TEST_F(CloudHostile, MayPutAnyNumbersIntoItsInputs) {
       TaskMessage task = HostileRobot::task_of(workload);
       const Bytes bytes = encode_tensors(inputs);
       if (bytes.size() < 900'000) {
-        task.inputs = bytes;
+        task.inputs.bytes = bytes;
       } else {
-        task.inputs = robot_->put("in", robot_->next_task(), bytes);
+        task.inputs.blob = robot_->put("in", robot_->next_task(), bytes);
       }
       const ReplyMessage reply = robot_->ask(task);
       answered += reply.kind == ReplyKind::kDone || !reply.problem.empty();
@@ -328,7 +328,7 @@ TEST_F(CloudHostile, MayAskForPicturesOfAnySize) {
       Random random(5);
       for (auto& each : inputs[0].as<std::uint8_t>())
         each = static_cast<std::uint8_t>(random.next());
-      task.inputs = robot_->put("in", robot_->next_task(), encode_tensors(inputs));
+      task.inputs.blob = robot_->put("in", robot_->next_task(), encode_tensors(inputs));
       if (!workload.parameters.empty()) {
         task.parameters = robot_->put_parameters(zeros(workload.parameters));
       }
@@ -345,12 +345,12 @@ TEST_F(CloudHostile, MakesTheWorkerReadNothingThatIsTooLarge) {
   const Workload& blur = find_workload("gaussian_blur");
   const double before = resident_mb("self");
   TaskMessage task = HostileRobot::task_of(blur);
-  task.inputs = robot_->put("in", robot_->next_task(), Bytes(std::size_t{200} << 20));
+  task.inputs.blob = robot_->put("in", robot_->next_task(), Bytes(std::size_t{200} << 20));
   ReplyMessage reply = robot_->ask(task);
   EXPECT_EQ(reply.kind, ReplyKind::kRefused);
   EXPECT_THAT(reply.problem, HasSubstr("209715200 bytes of inputs"));
   // As much as it says, and nothing of it is there.
-  task.inputs = Blob{{}, encoded_bytes(blur.inputs), 32768};
+  task.inputs.blob = Blob{{}, encoded_bytes(blur.inputs), 32768};
   EXPECT_EQ(robot_->ask(task).kind, ReplyKind::kMissing);
   EXPECT_LT(resident_mb("self"), before + (kSanitized ? 1000 : 100))
       << "the bytes that it sent are gone again";
@@ -362,7 +362,7 @@ TEST_F(CloudHostile, FillsNoMemoryWithKernels) {
   for (int i = 0; i < 8; ++i) {
     const Workload flow = entry_in("optical_flow", 2048, 2048 - 16 * i);
     TaskMessage task = HostileRobot::task_of(flow);
-    task.inputs = robot_->put("in", robot_->next_task(), zeros(flow.inputs));
+    task.inputs.blob = robot_->put("in", robot_->next_task(), zeros(flow.inputs));
     EXPECT_EQ(robot_->ask(task).kind, ReplyKind::kDone);
     most = std::max(most, slot_mb());
   }
@@ -377,7 +377,7 @@ TEST_F(CloudHostile, ClosesNoDoorWithWrongSizes) {
   const auto ask = [&](int width, int height, bool right) {
     const Workload blur = vision::make_gaussian_blur(width, height);
     TaskMessage task = HostileRobot::task_of(blur);
-    task.inputs = zeros(blur.inputs);
+    task.inputs.bytes = zeros(blur.inputs);
     if (!right) task.spec = {};
     return robot_->ask(task);
   };
@@ -406,7 +406,7 @@ TEST_F(CloudHostile, FillsNoMemoryWithTasksThatNobodyAskedFor) {
   const Workload& blur = find_workload("gaussian_blur");
   TaskMessage task = HostileRobot::task_of(blur);
   EXPECT_THAT(robot_->ask(task).problem, HasSubstr("0 bytes of inputs"));
-  task.inputs = Bytes(900'000);
+  task.inputs.bytes = Bytes(900'000);
   const Bytes frame = encode(task);
   const double before = resident_mb("self");
   double most = 0;
@@ -421,7 +421,7 @@ TEST_F(CloudHostile, FillsNoMemoryWithTasksThatNobodyAskedFor) {
 TEST_F(CloudHostile, StarvesNobodyWithAFlood) {
   const Workload& avoid = find_workload("avoid_obstacles");
   TaskMessage task = HostileRobot::task_of(avoid);
-  task.inputs = zeros(avoid.inputs);
+  task.inputs.bytes = zeros(avoid.inputs);
   EXPECT_NE(robot_->ask(task).problem, "");
   const Bytes given = encode(task), offer = encode(OfferMessage{1, 1'000'000}),
               cancel = encode(CancelMessage{{1, 1}});
@@ -482,7 +482,7 @@ TEST_F(CloudHostile, HearsNothingOfHeadersOddNamesAndWrongLengths) {
 TEST_F(CloudHostile, StopsNothingWithTenThousandMutatedMessages) {
   const Workload& avoid = find_workload("avoid_obstacles");
   TaskMessage task = HostileRobot::task_of(avoid);
-  task.inputs = zeros(avoid.inputs);
+  task.inputs.bytes = zeros(avoid.inputs);
   EXPECT_NE(robot_->ask(task).problem, "");
   Random random(3);
   const std::vector<std::pair<std::string, Bytes>> good = {

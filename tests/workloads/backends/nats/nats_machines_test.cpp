@@ -25,21 +25,18 @@ constexpr std::uint64_t kWorker = 7, kOther = 8;
 class CloudCaller : public ::testing::Test, public CallerEvents {
  protected:
   void offer(std::uint32_t waiting) override { says("offer " + std::to_string(waiting)); }
-  void give(const GivenTask& given) override {
-    says("give " + std::to_string(given.task.number) + " to " + std::to_string(given.worker) +
-         ", send " + std::to_string(given.send));
-    last_ = given;
+  void give(Submission& task, std::uint64_t worker) override {
+    last_ = task.task;
+    says("give " + std::to_string(last_.task.number) + " to " + std::to_string(worker) + ", send " +
+         std::to_string(last_.send));
   }
   void give_nothing(std::uint64_t worker) override {
     says("nothing for " + std::to_string(worker));
   }
-  void missing(const TaskId&) override { says("missing"); }
+  void taken(const Submission&) override {}
   void withdraw(const TaskId&) override { says("withdraw"); }
-  void end(const TaskId&, CallEndKind how, const std::string& problem,
-           const ReplyMessage*) override {
-    static const char* const kNames[] = {"done", "given up", "refused", "returned", "cancelled"};
-    says(kNames[static_cast<int>(how)]);
-    problem_ = problem;
+  void tell(std::function<void()> what) override {
+    if (what) what();
   }
 
   void says(std::string what) { said_.push_back(std::move(what)); }
@@ -47,15 +44,20 @@ class CloudCaller : public ::testing::Test, public CallerEvents {
   std::vector<std::string> said() { return std::exchange(said_, {}); }
   void connect(Nanos now = Nanos(0)) {
     caller_.link_up(now);
-    caller_.worker_heard(kWorker, now);
+    caller_.heard({.instance = kWorker}, now);
     said();
   }
-  void submit(Nanos now = Nanos(0), std::optional<Nanos> deadline = {}) {
-    caller_.submit(kTask, "kind", deadline, now);
+  Submission submission(std::optional<Nanos> time_left = {}) {
+    Submission made{.task = {.task = kTask, .time_left = time_left}};
+    made.missing = [this] { says("missing"); };
+    made.ended = [this](const ReplyMessage& end) {
+      problem_ = end.problem;
+      says(problem_.empty() ? "done" : problem_.substr(0, problem_.find(" after ")));
+    };
+    return made;
   }
-  void claim(std::uint64_t worker, Nanos now) {
-    caller_.claimed(
-        worker, [](const TaskId&) { return true; }, now);
+  void submit(Nanos now = Nanos(0), std::optional<Nanos> time_left = {}) {
+    caller_.submit(submission(time_left), now);
   }
   void reply(ReplyKind kind, std::uint32_t send, Nanos now) {
     caller_.replied({.task = kTask, .send = send, .kind = kind, .worker = "w", .problem = "boom"},
@@ -66,7 +68,7 @@ class CloudCaller : public ::testing::Test, public CallerEvents {
     while (last_.send == send_ && now < seconds(3600)) {
       now = std::max(now, caller_.next_wake());
       caller_.wake(now);
-      if (!said_.empty() && said_.back().starts_with("offer")) claim(worker, now);
+      if (!said_.empty() && said_.back().starts_with("offer")) caller_.claimed(worker, now);
     }
     send_ = last_.send;
     return now;
@@ -74,7 +76,7 @@ class CloudCaller : public ::testing::Test, public CallerEvents {
 
   std::vector<std::string> said_;
   std::string problem_;
-  GivenTask last_;
+  TaskMessage last_;
   std::uint32_t send_ = 0;
   CallerLimits limits_;
   Caller caller_{*this, CallerLimits{}, 1};
@@ -84,9 +86,9 @@ TEST_F(CloudCaller, GivesATaskToWhoClaimsIt) {
   connect();
   submit();
   EXPECT_THAT(said(), ElementsAre("offer 1"));
-  claim(kWorker, milliseconds(1));
+  caller_.claimed(kWorker, milliseconds(1));
   EXPECT_THAT(said(), ElementsAre("give 1 to 7, send 1"));
-  claim(kOther, milliseconds(2));
+  caller_.claimed(kOther, milliseconds(2));
   EXPECT_THAT(said(), ElementsAre("nothing for 8"));
   reply(ReplyKind::kRunning, 1, milliseconds(3));
   reply(ReplyKind::kDone, 1, seconds(1));
@@ -98,7 +100,7 @@ TEST_F(CloudCaller, GivesATaskToWhoClaimsIt) {
 TEST_F(CloudCaller, TellsAnEndOnceHoweverOftenTheReplyComes) {
   connect();
   submit();
-  claim(kWorker, Nanos(0));
+  caller_.claimed(kWorker, Nanos(0));
   reply(ReplyKind::kDone, 1, seconds(1));
   said();
   reply(ReplyKind::kDone, 1, seconds(2));
@@ -113,14 +115,14 @@ TEST_F(CloudCaller, OffersAgainWhileATaskWaits) {
   EXPECT_EQ(caller_.next_wake(), seconds(1));
   caller_.wake(seconds(1));
   EXPECT_THAT(said(), ElementsAre("offer 1"));
-  caller_.worker_heard(kOther, milliseconds(1500));
+  caller_.heard({.instance = kOther}, milliseconds(1500));
   EXPECT_THAT(said(), ElementsAre("offer 1")) << "it has not heard of it";
 }
 
 TEST_F(CloudCaller, TakesATaskBackThatNobodyConfirmedAndCountsNoTry) {
   connect();
   submit();
-  claim(kWorker, Nanos(0));
+  caller_.claimed(kWorker, Nanos(0));
   said();
   EXPECT_EQ(caller_.next_wake(), seconds(3));
   caller_.wake(seconds(3));
@@ -135,7 +137,7 @@ TEST_F(CloudCaller, TakesATaskBackThatNobodyConfirmedAndCountsNoTry) {
 TEST_F(CloudCaller, GivesATaskUpAfterThreeFailedTriesAndSaysWhoseAndWhy) {
   connect();
   submit();
-  claim(kWorker, Nanos(0));
+  caller_.claimed(kWorker, Nanos(0));
   send_ = 1;
   Nanos now{0};
   for (std::uint32_t send = 1; send <= 3; ++send) {
@@ -150,13 +152,13 @@ TEST_F(CloudCaller, GivesATaskUpAfterThreeFailedTriesAndSaysWhoseAndWhy) {
 TEST_F(CloudCaller, WaitingForParametersOrRoomIsNoTryButEnds) {
   connect();
   submit();
-  claim(kWorker, Nanos(0));
+  caller_.claimed(kWorker, Nanos(0));
   reply(ReplyKind::kMissing, 1, Nanos(0));
   EXPECT_EQ(said().back(), "missing");
   EXPECT_EQ(caller_.next_wake(), Nanos::max()) << "until they are there";
   caller_.ready(kTask, seconds(1));
   EXPECT_THAT(said(), ElementsAre("offer 1"));
-  claim(kWorker, seconds(1));
+  caller_.claimed(kWorker, seconds(1));
   send_ = 2;
   Nanos now = seconds(1);
   for (std::uint32_t send = 2; send < limits_.most_sends; ++send) {
@@ -172,7 +174,7 @@ TEST_F(CloudCaller, AWorkerThatDiesWithATaskIsATryAndALostReplyIsNone) {
   connect();
   submit();
   Nanos now{0};
-  claim(kWorker, now);
+  caller_.claimed(kWorker, now);
   for (int death = 1; death <= 3; ++death) {
     reply(ReplyKind::kRunning, last_.send, now);
     send_ = last_.send;
@@ -185,12 +187,12 @@ TEST_F(CloudCaller, AWorkerThatDiesWithATaskIsATryAndALostReplyIsNone) {
 
   submit(now);
   last_ = {}, send_ = 0;
-  claim(kWorker, now);
+  caller_.claimed(kWorker, now);
   for (int i = 0; i < 5; ++i) {
     reply(ReplyKind::kRunning, last_.send, now);
     send_ = last_.send;
     now += limits_.silence;
-    caller_.worker_heard(kWorker, now);
+    caller_.heard({.instance = kWorker}, now);
     caller_.wake(now);
     now = claim_again(kWorker, now);
   }
@@ -200,7 +202,7 @@ TEST_F(CloudCaller, AWorkerThatDiesWithATaskIsATryAndALostReplyIsNone) {
 TEST_F(CloudCaller, AWorkerThatSaysThatItComputesHasAsLongAsItTakes) {
   connect();
   submit();
-  claim(kWorker, Nanos(0));
+  caller_.claimed(kWorker, Nanos(0));
   said();
   for (int s = 1; s < 3600; ++s) {
     reply(ReplyKind::kRunning, 1, seconds(s));
@@ -212,13 +214,13 @@ TEST_F(CloudCaller, AWorkerThatSaysThatItComputesHasAsLongAsItTakes) {
 TEST_F(CloudCaller, LostLinksAreNoTries) {
   connect();
   submit();
-  claim(kWorker, Nanos(0));
+  caller_.claimed(kWorker, Nanos(0));
   reply(ReplyKind::kRunning, 1, Nanos(0));
   for (int i = 1; i <= 10; ++i) {
     caller_.link_down();
     EXPECT_EQ(caller_.next_wake(), Nanos::max());
     caller_.link_up(seconds(100 * i));
-    caller_.worker_heard(kWorker, seconds(100 * i));
+    caller_.heard({.instance = kWorker}, seconds(100 * i));
   }
   said();
   reply(ReplyKind::kDone, 1, seconds(1001));
@@ -228,12 +230,12 @@ TEST_F(CloudCaller, LostLinksAreNoTries) {
 TEST_F(CloudCaller, AsksAgainSoonWhereAnAnswerWasLostWithTheLink) {
   connect();
   submit();
-  claim(kWorker, Nanos(0));
+  caller_.claimed(kWorker, Nanos(0));
   reply(ReplyKind::kRunning, 1, Nanos(0));
   caller_.link_down();
   caller_.link_up(seconds(5));
   EXPECT_EQ(caller_.next_wake(), seconds(15)) << "its worker may not be back";
-  caller_.worker_heard(kWorker, seconds(6));
+  caller_.heard({.instance = kWorker}, seconds(6));
   EXPECT_EQ(caller_.next_wake(), seconds(9)) << "it would say that it has it";
   said();
   send_ = 1;
@@ -246,16 +248,16 @@ TEST_F(CloudCaller, AsksAgainSoonWhereAnAnswerWasLostWithTheLink) {
 TEST_F(CloudCaller, SaysWhatRemainsOfATasksTime) {
   connect();
   submit(Nanos(0), milliseconds(300));
-  claim(kWorker, milliseconds(100));
+  caller_.claimed(kWorker, milliseconds(100));
   EXPECT_EQ(last_.time_left, milliseconds(200));
   reply(ReplyKind::kExpired, 1, milliseconds(300));
-  EXPECT_EQ(said().back(), "returned");
+  EXPECT_EQ(said().back(), "its time was over before a worker began");
 }
 
 TEST_F(CloudCaller, WithdrawsWhatIsCancelled) {
   connect();
   submit();
-  claim(kWorker, Nanos(0));
+  caller_.claimed(kWorker, Nanos(0));
   said();
   caller_.cancel(kTask);
   EXPECT_THAT(said(), ElementsAre("withdraw", "cancelled"));
@@ -268,10 +270,10 @@ TEST_F(CloudCaller, IsDownWithoutALinkAndWithoutAWorker) {
   EXPECT_FALSE(caller_.is_up(Nanos(0)));
   caller_.link_up(Nanos(0));
   EXPECT_FALSE(caller_.is_up(Nanos(0))) << "nobody computes";
-  caller_.worker_heard(kWorker, seconds(1));
+  caller_.heard({.instance = kWorker}, seconds(1));
   EXPECT_TRUE(caller_.is_up(seconds(10)));
   EXPECT_FALSE(caller_.is_up(seconds(11)));
-  caller_.worker_heard(kWorker, seconds(12));
+  caller_.heard({.instance = kWorker}, seconds(12));
   EXPECT_TRUE(caller_.is_up(seconds(12)));
   caller_.link_down();
   EXPECT_FALSE(caller_.is_up(seconds(12)));
@@ -290,19 +292,18 @@ class CloudHedges : public CloudCaller {
 };
 
 TEST_F(CloudHedges, AskASecondWorkerAndCancelTheLoser) {
-  const auto all = [](const TaskId&) { return true; };
   hedging_.link_up(Nanos(0));
-  hedging_.worker_heard(kWorker, Nanos(0));
-  hedging_.worker_heard(kOther, Nanos(0));
-  hedging_.submit(kTask, "kind", {}, Nanos(0));
-  hedging_.claimed(kWorker, all, Nanos(0));
+  hedging_.heard({.instance = kWorker}, Nanos(0));
+  hedging_.heard({.instance = kOther}, Nanos(0));
+  hedging_.submit(submission(), Nanos(0));
+  hedging_.claimed(kWorker, Nanos(0));
   said();
   EXPECT_EQ(hedging_.next_wake(), milliseconds(20));
   hedging_.wake(milliseconds(20));
   EXPECT_THAT(said(), ElementsAre("offer 1"));
-  hedging_.claimed(kWorker, all, milliseconds(21));
+  hedging_.claimed(kWorker, milliseconds(21));
   EXPECT_THAT(said(), ElementsAre("nothing for 7")) << "it has it already";
-  hedging_.claimed(kOther, all, milliseconds(22));
+  hedging_.claimed(kOther, milliseconds(22));
   EXPECT_THAT(said(), ElementsAre("give 1 to 8, send 2"));
   hedging_.replied({.task = kTask, .send = 2, .worker = "x"}, milliseconds(30));
   EXPECT_THAT(said(), ElementsAre("withdraw", "done"));
@@ -310,13 +311,12 @@ TEST_F(CloudHedges, AskASecondWorkerAndCancelTheLoser) {
 }
 
 TEST_F(CloudHedges, ARefusalIsNoEndWhileAnotherComputes) {
-  const auto all = [](const TaskId&) { return true; };
   hedging_.link_up(Nanos(0));
-  hedging_.worker_heard(kWorker, Nanos(0));
-  hedging_.submit(kTask, "kind", {}, Nanos(0));
-  hedging_.claimed(kWorker, all, Nanos(0));
+  hedging_.heard({.instance = kWorker}, Nanos(0));
+  hedging_.submit(submission(), Nanos(0));
+  hedging_.claimed(kWorker, Nanos(0));
   hedging_.wake(milliseconds(20));
-  hedging_.claimed(kOther, all, milliseconds(21));
+  hedging_.claimed(kOther, milliseconds(21));
   said();
   hedging_.replied({.task = kTask, .send = 2, .kind = ReplyKind::kRefused, .worker = "x"},
                    milliseconds(22));
@@ -327,7 +327,6 @@ TEST_F(CloudHedges, ARefusalIsNoEndWhileAnotherComputes) {
 
 // Calls that were hedged are as long as they were: without them the 95th of 100 falls and falls.
 TEST_F(CloudHedges, AfterTheP95StayFew) {
-  const auto all = [](const TaskId&) { return true; };
   CallerLimits limits;
   limits.hedge_p95 = true;
   Caller caller(*this, limits, 1);
@@ -337,13 +336,13 @@ TEST_F(CloudHedges, AfterTheP95StayFew) {
   Nanos now{0};
   for (std::uint64_t i = 1; i <= 3000; ++i) {
     const TaskId task{1, i};
-    caller.submit(task, "kind", {}, now);
-    caller.claimed(kWorker, all, now);
+    caller.submit({.task = {.task = task}}, now);
+    caller.claimed(kWorker, now);
     Nanos done = now + takes();
     std::uint32_t send = 1;
     if (const Nanos wake = caller.next_wake(); wake < done) {
       caller.wake(wake);
-      caller.claimed(kOther, all, wake);
+      caller.claimed(kOther, wake);
       const Nanos second = wake + takes();
       if (second < done) done = second, send = 2;
     }

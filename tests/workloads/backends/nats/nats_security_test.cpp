@@ -83,7 +83,8 @@ class CloudPermissions : public ::testing::Test {
                                                     const std::string& password,
                                                     const std::string& inbox) const {
     return std::make_unique<Connection>(
-        ConnectionOptions{.server = url_of(user, password), .inbox = inbox}, Connection::Events{});
+        ConnectionOptions{.server = url_of(user, password), .inbox = inbox},
+        Connection::Listener{});
   }
   std::int64_t messages(const std::string& stream) {
     const auto answer = admin_->request("$JS.API.STREAM.INFO." + stream, "", 5s);

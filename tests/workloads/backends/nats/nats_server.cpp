@@ -246,17 +246,14 @@ namespace {
 
 class AddingComputer : public Computer {
  public:
-  void compute(const Call& call, ReplyMessage& reply) override {
-    const auto inputs = decode_tensors(call.inputs(), call.workload->inputs);
+  ReplyMessage compute(const Call& call) override {
+    const auto inputs = decode_tensors(call.task.inputs.bytes, call.workload->inputs);
     if (!inputs.value) throw std::runtime_error(inputs.problem);
     int more = 1;
     if (call.task.parameters) {
       auto& known = parameters_[{call.task.spec, call.task.parameters->digest}];
       if (known.empty()) known.assign(call.parameters.begin(), call.parameters.end());
-      if (known.empty()) {
-        reply.kind = ReplyKind::kMissing;
-        return;
-      }
+      if (known.empty()) return {.kind = ReplyKind::kMissing};
       const auto tensors = decode_tensors(known, call.workload->parameters);
       more += tensors.value->at(0).as<std::uint8_t>()[0];
     }
@@ -268,8 +265,7 @@ class AddingComputer : public Computer {
     auto outputs = make_tensors(call.workload->outputs);
     const auto out = outputs[0].as<std::uint8_t>();
     for (std::size_t i = 0; i < in.size(); ++i) out[i] = static_cast<std::uint8_t>(in[i] + more);
-    reply.execute = pause;
-    reply.outputs = encode_tensors(outputs);
+    return {.execute = pause, .outputs = {encode_tensors(outputs), {}}};
   }
 
  private:
@@ -293,7 +289,7 @@ Submission make_submission(const Workload& workload, const AddingTask& task) {
   Submission submission;
   submission.task.workload = workload.name;
   submission.task.spec = spec_digest(workload);
-  submission.task.inputs = encode_tensors(adding_inputs(workload, task));
+  submission.task.inputs.bytes = encode_tensors(adding_inputs(workload, task));
   return submission;
 }
 
@@ -309,8 +305,8 @@ std::string check_outputs(const Workload& workload, const AddingTask& task, cons
 }
 
 std::string check_outputs(const Workload& workload, const AddingTask& task,
-                          const Payload& outputs) {
-  const auto found = decode_tensors(std::get<Bytes>(outputs), workload.outputs);
+                          const ReplyMessage& reply) {
+  const auto found = decode_tensors(reply.outputs.bytes, workload.outputs);
   return found.value ? check_outputs(workload, task, found.value->at(0)) : found.problem;
 }
 

@@ -131,7 +131,7 @@ struct AddingTask {
 [[nodiscard]] std::vector<Tensor> adding_inputs(const Workload& workload, const AddingTask& task);
 /// What is wrong with its outputs; empty = nothing.
 [[nodiscard]] std::string check_outputs(const Workload& workload, const AddingTask& task,
-                                        const Payload& outputs);
+                                        const ReplyMessage& reply);
 [[nodiscard]] std::string check_outputs(const Workload& workload, const AddingTask& task,
                                         const Tensor& output, std::uint8_t parameter = 0);
 /// Of a robot's whole call, as a device's user makes it: upload, execute, download.

@@ -58,11 +58,12 @@ void Simulation::Events::offer(std::uint32_t waiting) {
   }
 }
 
-void Simulation::Events::give(const GivenTask& given) {
+void Simulation::Events::give(Submission& task, std::uint64_t instance) {
   for (Worker& worker : simulation->workers_) {
-    if (worker.instance != given.worker) continue;
-    simulation->carry(robot->peer, worker.peer,
-                      [this, &worker, given] { simulation->take(worker, *robot, given); });
+    if (worker.instance != instance) continue;
+    simulation->carry(robot->peer, worker.peer, [this, &worker, given = task.task] {
+      simulation->take(worker, *robot, given);
+    });
   }
 }
 
@@ -76,25 +77,12 @@ void Simulation::Events::give_nothing(std::uint64_t instance) {
   }
 }
 
-void Simulation::Events::missing(const TaskId& task) {
-  simulation->at(simulation->now_ + simulation->delay(), [this, task, run = robot->run] {
-    if (robot->run == run) robot->caller->ready(task, simulation->now_);
-  });
-}
-
 void Simulation::Events::withdraw(const TaskId& task) {
   for (Worker& worker : simulation->workers_) {
     simulation->carry(robot->peer, worker.peer, [&worker, task] {
       for (auto& [number, job] : worker.jobs) job.unwanted |= job.task == task;
     });
   }
-}
-
-void Simulation::Events::end(const TaskId& task, CallEndKind how, const std::string&,
-                             const ReplyMessage*) {
-  Expected& expected = simulation->expected_[{robot->name, task}];
-  ++expected.ends;
-  expected.end = how;
 }
 
 void Simulation::count(const Robot& robot) {
@@ -151,8 +139,7 @@ void Simulation::claim(Worker& worker) {
       if (robot.name != next->robot) continue;
       carry(worker.peer, robot.peer, [this, &robot, run = next->run, from = worker.instance] {
         if (robot.run != run) return;
-        robot.caller->claimed(
-            from, [](const TaskId&) { return true; }, now_);
+        robot.caller->claimed(from, now_);
         wake(robot);
       });
     }
@@ -164,7 +151,7 @@ void Simulation::claim(Worker& worker) {
   });
 }
 
-void Simulation::take(Worker& worker, Robot& robot, const GivenTask& given) {
+void Simulation::take(Worker& worker, Robot& robot, const TaskMessage& given) {
   if (!worker.desk->take(robot.name, given.task.run, given.waiting, now_)) return;
   const std::uint64_t number = ++job_;
   Job& job = worker.jobs[number];
@@ -216,7 +203,7 @@ void Simulation::announce() {
   for (Worker& worker : workers_) {
     for (Robot& robot : robots_) {
       carry(worker.peer, robot.peer, [this, &robot, instance = worker.instance] {
-        robot.caller->worker_heard(instance, now_);
+        robot.caller->heard({.instance = instance}, now_);
         wake(robot);
       });
     }
@@ -229,11 +216,22 @@ void Simulation::submit(Robot& robot) {
   Expected& expected = expected_[{robot.name, task}];
   expected.sort = chance(0.02) ? Sort::kPoisoned : chance(0.1) ? Sort::kHeavy : Sort::kPlain;
   expected.deadline = chance(0.1);
-  const Nanos until = now_ + milliseconds(500 + random_() % 20'000);
-  robot.caller->submit(task, "kind", expected.deadline ? std::optional(until) : std::nullopt, now_);
+  const Nanos lasts = milliseconds(500 + random_() % 20'000);
+  Submission submission{.task = {.task = task}};
+  if (expected.deadline) submission.task.time_left = lasts;
+  submission.missing = [this, &robot, task] {
+    at(now_ + delay(), [this, &robot, task] {
+      if (robot.run == task.run) robot.caller->ready(task, now_);
+    });
+  };
+  submission.ended = [&expected](const ReplyMessage& end) {
+    ++expected.ends;
+    expected.end = end.problem;
+  };
+  robot.caller->submit(std::move(submission), now_);
   // Whoever submitted it takes it back then.
   if (expected.deadline) {
-    at(until, [this, &robot, task] {
+    at(now_ + lasts, [this, &robot, task] {
       if (robot.run == task.run) robot.caller->cancel(task);
     });
   }
@@ -349,14 +347,16 @@ void Simulation::check() {
     }
     result_.never_ended += expected.ends == 0;
     if (!expected.end) continue;
-    const CallEndKind end = *expected.end;
-    result_.done += end == CallEndKind::kDone;
-    result_.given_up += end == CallEndKind::kGivenUp;
-    result_.returned += end == CallEndKind::kReturned || end == CallEndKind::kCancelled;
+    const std::string& end = *expected.end;
+    const bool given_up = end.starts_with("given up");
+    const bool returned = end == "cancelled" || end.starts_with("its time was over");
+    result_.done += end.empty();
+    result_.given_up += given_up;
+    result_.returned += returned;
     const bool poisoned = expected.sort == Sort::kPoisoned;
-    const bool right = end == CallEndKind::kDone      ? !poisoned
-                       : end == CallEndKind::kGivenUp ? poisoned || expected.deaths >= 3
-                                                      : expected.deadline;
+    const bool right = end.empty() ? !poisoned
+                       : given_up  ? poisoned || expected.deaths >= 3
+                                   : returned && expected.deadline;
     result_.ended_wrongly += !right;
   }
   for (const Worker& worker : workers_) result_.left_at_workers += worker.jobs.size();

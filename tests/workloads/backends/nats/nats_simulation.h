@@ -58,12 +58,13 @@ class Simulation {
     Simulation* simulation = nullptr;
     Robot* robot = nullptr;
     void offer(std::uint32_t waiting) override;
-    void give(const GivenTask& given) override;
+    void give(Submission& task, std::uint64_t worker) override;
     void give_nothing(std::uint64_t worker) override;
-    void missing(const TaskId& task) override;
+    void taken(const Submission&) override {}
     void withdraw(const TaskId& task) override;
-    void end(const TaskId& task, CallEndKind how, const std::string& problem,
-             const ReplyMessage* reply) override;
+    void tell(std::function<void()> what) override {
+      if (what) what();
+    }
   };
   struct Robot {
     std::string name;
@@ -90,8 +91,8 @@ class Simulation {
     Sort sort = Sort::kPlain;
     bool deadline = false, withdrawn = false;
     int ends = 0, deaths = 0;
-    std::set<std::uint64_t> at;  ///< Workers that have had it, by instance.
-    std::optional<CallEndKind> end;
+    std::set<std::uint64_t> at;      ///< Workers that have had it, by instance.
+    std::optional<std::string> end;  ///< Its problem.
   };
 
   void at(Nanos time, std::function<void()> what);
@@ -110,7 +111,7 @@ class Simulation {
   void robot_up(Robot& robot);
   void wake(Robot& robot);
   void claim(Worker& worker);
-  void take(Worker& worker, Robot& robot, const GivenTask& given);
+  void take(Worker& worker, Robot& robot, const TaskMessage& given);
   void reply(Worker& worker, const Job& job, ReplyKind kind);
   void announce();
   void submit(Robot& robot);

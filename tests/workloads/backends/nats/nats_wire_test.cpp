@@ -46,7 +46,7 @@ TaskMessage task_of(const Workload& workload, std::span<const Tensor> inputs) {
   return {.workload = std::move(kind.name),
           .sizes = std::move(kind.sizes),
           .spec = spec_digest(workload),
-          .inputs = encode_tensors(inputs)};
+          .inputs = {encode_tensors(inputs), {}}};
 }
 
 TaskMessage small_task(const Workload& workload) {
@@ -75,16 +75,16 @@ Bytes sealed(Bytes frame) {
 TEST(CloudWire, ATaskArrivesAsItWasSent) {
   const Workload workload = small_workload();
   const Bytes frame = small_frame(workload);
-  const auto decoded = decode(frame);
+  const auto decoded = decode_as<TaskMessage>(frame);
   ASSERT_TRUE(decoded.value) << decoded.problem;
-  const auto& task = std::get<TaskMessage>(*decoded.value);
+  const auto& task = *decoded.value;
   EXPECT_EQ(task.task, (TaskId{1, 2}));
   EXPECT_EQ(task.send, 3U);
   EXPECT_EQ(task.time_left, std::chrono::milliseconds(40));
   const Workload* const known[] = {&workload};
   const auto admitted = Admission(known, kRoom).admit(task);
   ASSERT_TRUE(admitted.value) << admitted.problem;
-  const auto read = decode_tensors(std::get<Bytes>(task.inputs), (*admitted.value)->inputs);
+  const auto read = decode_tensors(task.inputs.bytes, (*admitted.value)->inputs);
   ASSERT_TRUE(read.value) << read.problem;
   const auto& inputs = *read.value;
   EXPECT_EQ(inputs[0].as<std::uint8_t>()[23], 23);
@@ -94,25 +94,25 @@ TEST(CloudWire, ATaskArrivesAsItWasSent) {
 
 TEST(CloudWire, RepliesWithdrawalsAndAnnouncementsArriveAsTheyWereSent) {
   const Bytes outputs{std::byte{1}, std::byte{2}};
-  const auto reply = decode(encode(ReplyMessage{.task = {5, 6},
-                                                .send = 7,
-                                                .kind = ReplyKind::kFailedTry,
-                                                .worker = "w1",
-                                                .problem = "boom",
-                                                .execute = Nanos(8),
-                                                .outputs = outputs}));
+  const auto reply = decode_as<ReplyMessage>(encode(ReplyMessage{.task = {5, 6},
+                                                                 .send = 7,
+                                                                 .kind = ReplyKind::kFailedTry,
+                                                                 .worker = "w1",
+                                                                 .problem = "boom",
+                                                                 .execute = Nanos(8),
+                                                                 .outputs = {outputs, {}}}));
   ASSERT_TRUE(reply.value) << reply.problem;
-  const auto& read = std::get<ReplyMessage>(*reply.value);
+  const auto& read = *reply.value;
   EXPECT_EQ(read.kind, ReplyKind::kFailedTry);
   EXPECT_EQ(read.worker + read.problem, "w1boom");
   EXPECT_EQ(read.execute, Nanos(8));
-  EXPECT_EQ(std::get<Bytes>(read.outputs), outputs);
+  EXPECT_EQ(read.outputs.bytes, outputs);
   const Blob blob{digest_of(outputs), 500'000'000, 65'536};
   TaskMessage large = small_task(small_workload());
-  large.inputs = blob;
+  large.inputs = {{}, blob};
   const auto task = decode_as<TaskMessage>(encode(large));
   ASSERT_TRUE(task.value) << task.problem;
-  EXPECT_EQ(std::get<Blob>(task.value->inputs), blob);
+  EXPECT_EQ(task.value->inputs.blob, blob);
   EXPECT_EQ(decode_as<CancelMessage>(encode(CancelMessage{{1, 2}})).value->task, (TaskId{1, 2}));
   EXPECT_EQ(decode_as<OfferMessage>(encode(OfferMessage{3, 4})).value->waiting, 4U);
   EXPECT_EQ(decode_as<ClaimMessage>(encode(ClaimMessage{3, 4})).value->worker, 4U);
@@ -138,7 +138,7 @@ TEST(CloudWire, DurationsThatArriveAreInRange) {
   for (const Nanos time : {Nanos(-1), Nanos::min(), Nanos::max()}) {
     TaskMessage task = small_task(workload);
     task.time_left = time;
-    EXPECT_THAT(decode(encode(task)).problem, HasSubstr("negative, or of years"));
+    EXPECT_THAT(decode_as<TaskMessage>(encode(task)).problem, HasSubstr("negative, or of years"));
   }
 }
 
@@ -151,15 +151,16 @@ TEST(CloudWire, ABlobHasAsManyChunksAsItsBytesNeed) {
 TEST(CloudWire, NamesWhatIsWrongWithAMessage) {
   const Workload workload = small_workload();
   const Bytes good = small_frame(workload);
-  EXPECT_THAT(decode(Bytes(3)).problem, HasSubstr("no frame"));
+  EXPECT_THAT(decode_as<TaskMessage>(Bytes(3)).problem, HasSubstr("no frame"));
   Bytes other = good;
   other[4] = std::byte{9};
-  EXPECT_THAT(decode(other).problem, HasSubstr("protocol 9, and this pirt speaks 2"));
+  EXPECT_THAT(decode_as<TaskMessage>(other).problem,
+              HasSubstr("protocol 9, and this pirt speaks 2"));
   Bytes damaged = good;
   damaged.back() ^= std::byte{1};
-  EXPECT_THAT(decode(damaged).problem, HasSubstr("damaged"));
+  EXPECT_THAT(decode_as<TaskMessage>(damaged).problem, HasSubstr("damaged"));
   Bytes shorter(good.begin(), good.end() - 1);
-  EXPECT_FALSE(decode(shorter).problem.empty());
+  EXPECT_FALSE(decode_as<TaskMessage>(shorter).problem.empty());
 }
 
 TEST(CloudWire, AnotherSpecOfTheSameNameIsRefusedByName) {
@@ -222,10 +223,10 @@ TEST(CloudWire, SizesFollowFromTheSpec) {
     return admission.admit(other).problem;
   };
   EXPECT_THAT(refused([](TaskMessage& t) {
-                t.inputs = Blob{{}, 600'000'000, 32768};
+                t.inputs = {{}, Blob{{}, 600'000'000, 32768}};
               }),
               HasSubstr("600000000 bytes of inputs"));
-  EXPECT_THAT(refused([](TaskMessage& t) { std::get<Bytes>(t.inputs).resize(1000); }),
+  EXPECT_THAT(refused([](TaskMessage& t) { t.inputs.bytes.resize(1000); }),
               HasSubstr("1000 bytes of inputs"));
   EXPECT_THAT(refused([](TaskMessage& t) { t.parameters->size_bytes = 600'000'000; }),
               HasSubstr("600000000 bytes of parameters"));
@@ -281,11 +282,9 @@ TEST(CloudComputer, OwnWorkloadsOfOneFileAreTwo) {
   for (const auto& [name, more] : {std::pair("mine.one", 1), {"mine.two", 2}, {"mine.one", 1}}) {
     const Workload workload = adding(name, more);
     const TaskMessage task = task_of(workload, make_tensors(workload.inputs));
-    ReplyMessage reply;
-    computer->compute(
-        {.robot = robot, .task = task, .workload = std::make_shared<const Workload>(workload)},
-        reply);
-    const auto outputs = decode_tensors(std::get<Bytes>(reply.outputs), workload.outputs);
+    const ReplyMessage reply = computer->compute(
+        {.robot = robot, .task = task, .workload = std::make_shared<const Workload>(workload)});
+    const auto outputs = decode_tensors(reply.outputs.bytes, workload.outputs);
     ASSERT_TRUE(outputs.value) << outputs.problem;
     EXPECT_EQ(outputs.value->at(0).as<std::uint8_t>()[0], more) << name;
   }
@@ -420,53 +419,51 @@ TEST(CloudWire, TenThousandHostileMessagesRunNothingElseOnAWorker) {
   int admitted = 0, refused = 0;
   for (int i = 0; i < 10'000; ++i) {
     const Bytes message = hostile.next();
-    const auto decoded = decode(message);
-    if (!decoded.value) {
-      ++refused;
-      continue;
-    }
-    const auto* const task = std::get_if<TaskMessage>(&*decoded.value);
-    const auto* const inputs = task == nullptr ? nullptr : std::get_if<Bytes>(&task->inputs);
-    const auto made =
-        task == nullptr ? Decoded<std::shared_ptr<const Workload>>{} : admission.admit(*task);
-    if (inputs == nullptr || !made.value || !decode_tensors(*inputs, (*made.value)->inputs).value) {
+    const auto task = decode_as<TaskMessage>(message).value;
+    const auto made = task ? admission.admit(*task) : Decoded<std::shared_ptr<const Workload>>{};
+    if (!made.value || task->inputs.blob ||
+        !decode_tensors(task->inputs.bytes, (*made.value)->inputs).value) {
       ++refused;
       continue;
     }
     // What was changed in its id, number, time or the name of its parameters' content, which is
     // checked when they arrive, leaves the same computation.
     EXPECT_EQ(made.value->get(), &workload);
-    EXPECT_EQ(*inputs, tensors);
+    EXPECT_EQ(task->inputs.bytes, tensors);
     ++admitted;
   }
   EXPECT_GT(refused, 9000);
   EXPECT_LT(admitted, 1000);
 }
 
-/// Counts what ends.
-struct Ends : CallerEvents {
+/// Does nothing but what it is told.
+struct Told : CallerEvents {
   void offer(std::uint32_t) override {}
-  void give(const GivenTask&) override {}
+  void give(Submission&, std::uint64_t) override {}
   void give_nothing(std::uint64_t) override {}
-  void missing(const TaskId&) override {}
+  void taken(const Submission&) override {}
   void withdraw(const TaskId&) override {}
-  void end(const TaskId&, CallEndKind, const std::string&, const ReplyMessage*) override { ++ends; }
-  int ends = 0;
+  void tell(std::function<void()> what) override {
+    if (what) what();
+  }
 };
 
 TEST(CloudWire, TenThousandHostileMessagesEndNothingAtARobot) {
-  Ends events;
+  Told events;
   Caller caller(events, {}, 1);
   caller.link_up(Nanos(0));
-  caller.submit({1, 2}, "kind", {}, Nanos(0));
+  int ends = 0;
+  caller.submit({.task = {.task = {1, 2}}, .ended = [&ends](const ReplyMessage&) { ++ends; }},
+                Nanos(0));
   // Of another task: what only changes the id hits ours in 1 of 2^128 cases.
-  const Bytes good = encode(ReplyMessage{.task = {77, 78}, .worker = "w", .outputs = Bytes(16)});
+  const Bytes good =
+      encode(ReplyMessage{.task = {77, 78}, .worker = "w", .outputs = {Bytes(16), {}}});
   Hostile hostile(12, good, good.size());
   for (int i = 0; i < 10'000; ++i) {
     const auto reply = decode_as<ReplyMessage>(hostile.next());
     if (reply.value) caller.replied(*reply.value, Nanos(i));
   }
-  EXPECT_EQ(events.ends, 0);
+  EXPECT_EQ(ends, 0);
   EXPECT_EQ(caller.live(), 1U);
 }
 

@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <filesystem>
 #include <regex>
 
@@ -40,10 +39,8 @@ Url parse_url(const std::string& server) {
 
 bool is_robot_name(std::string_view name) {
   constexpr std::size_t kLongest = 64;
-  return !name.empty() && name.size() <= kLongest && std::ranges::all_of(name, [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
-           c == '-';
-  });
+  constexpr const char* kGood = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-";
+  return !name.empty() && name.size() <= kLongest && name.find_first_not_of(kGood) == name.npos;
 }
 
 void check_robot_name(std::string_view name) {

@@ -48,7 +48,7 @@ Json stream_of(const std::string& robot, const Setup& setup) {
           {"max_age", Nanos(std::chrono::hours(1)).count()},
           {"discard", "old"},
           {"allow_direct", true},
-          {"storage", setup.in_memory ? "memory" : "file"},
+          {"storage", "file"},
           {"num_replicas", 1}};
 }
 
@@ -95,6 +95,15 @@ std::vector<std::string> set_up(Connection& connection, const Setup& setup) {
     }
   }
   return done;
+}
+
+std::vector<std::string> administer(const ConnectionOptions& options, const Setup& setup) {
+  Connection connection(options, {});
+  if (!connection.wait_until_up(Connection::kAnswer)) {
+    throw_environment("no connection to server " + public_url(options.server) + ": " +
+                      connection.why_down());
+  }
+  return set_up(connection, setup);
 }
 
 StreamAnswer read_answer(const Connection::Answer& answer) {

@@ -16,7 +16,6 @@ struct Setup {
   std::vector<std::string> robots = {"robot"};
   /// What each robot may have on the server: calls and parameters that are larger than a message.
   std::uint64_t robot_bytes = std::uint64_t{512} << 20;
-  bool in_memory = false;  ///< For tests and benchmarks.
 };
 
 /// Makes the streams that are missing, and changes those that are otherwise.
@@ -24,6 +23,9 @@ struct Setup {
 /// @throws Error{kBadInput} for names that robots cannot have; Error{kEnvironment} if there is no
 /// server, or it refuses, with the remedy.
 std::vector<std::string> set_up(Connection& connection, const Setup& setup);
+/// The same over a connection of its own.
+[[nodiscard]] std::vector<std::string> administer(const ConnectionOptions& options,
+                                                  const Setup& setup);
 
 /// What JetStream said.
 struct StreamAnswer {

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <mutex>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "workloads/backends/nats/link/administration.h"
@@ -18,6 +19,7 @@ namespace pirt::cloud {
 namespace {
 
 constexpr std::uint32_t kWindow = 4;  ///< Chunks under way.
+constexpr int kNoMessage = 404;       ///< As JetStream says it.
 
 /// Calls @p work with each number below @p count, some at a time, until one says no.
 /// @param work  bool(std::uint32_t)
@@ -60,17 +62,16 @@ std::span<Byte> part(std::span<Byte> bytes, std::uint32_t chunk_bytes, std::uint
 
 }  // namespace
 
-std::string put_blob(Connection& connection, const std::string& prefix, ByteView bytes,
-                     std::uint32_t chunk_bytes, const std::function<bool()>& stop, Nanos no_step) {
-  if (chunk_bytes < kLeastChunkBytes || chunk_bytes > connection.most_payload()) {
+std::string put_blob(Connection& connection, const std::string& prefix, const Blob& blob,
+                     ByteView bytes, const std::function<bool()>& stop, Nanos no_step) {
+  if (blob.chunk_bytes < kLeastChunkBytes || blob.chunk_bytes > connection.chunk_bytes()) {
     return connection.why_no_chunks();
   }
   std::mutex mutex;
   std::string problem;
-  const std::uint32_t count = Blob{{}, bytes.size(), chunk_bytes}.chunks();
-  const bool all = in_window(count, [&](std::uint32_t number) {
+  const bool all = in_window(blob.chunks(), [&](std::uint32_t number) {
     const auto answer = ask(connection, prefix + "." + std::to_string(number),
-                            part(bytes, chunk_bytes, number), stop, no_step);
+                            part(bytes, blob.chunk_bytes, number), stop, no_step);
     const std::string why =
         answer.came ? read_answer(answer).why
                     : fmt::format(
@@ -86,32 +87,29 @@ std::string put_blob(Connection& connection, const std::string& prefix, ByteView
   return all || !problem.empty() ? problem : "no memory was left to send it";
 }
 
-Fetched fetch_blob(Connection& connection, const std::string& robot, const std::string& prefix,
-                   const Blob& blob, const std::function<bool()>& stop, Nanos no_step) {
-  Fetched fetched{Fetched::How::kWhole, Bytes(static_cast<std::size_t>(blob.size_bytes))};
-  const std::string direct = fmt::format("$JS.API.DIRECT.GET.{}.{}.", blob_stream(robot), prefix);
-  std::atomic<Fetched::How> how = Fetched::How::kWhole;
+Connection::Answer fetch_blob(Connection& connection, const std::string& prefix, const Blob& blob,
+                              const std::function<bool()>& stop, Nanos no_step) {
+  Bytes bytes(static_cast<std::size_t>(blob.size_bytes));
+  const std::string direct =
+      fmt::format("$JS.API.DIRECT.GET.{}.{}.", blob_stream(robot_of(prefix)), prefix);
+  std::atomic<bool> answered = true;
   const bool all = in_window(blob.chunks(), [&](std::uint32_t number) {
     const auto answer = ask(connection, direct + std::to_string(number), {}, stop, no_step);
-    const auto to = part(std::span(fetched.bytes), blob.chunk_bytes, number);
-    if (!answer.came || answer.status == kNobody) {
-      how = Fetched::How::kNoAnswer;
-    } else if (answer.status != 0 || answer.data.size() != to.size()) {
-      how = Fetched::How::kMissing;
-    } else {
-      std::memcpy(to.data(), answer.data.data(), to.size());
-      return true;
-    }
-    return false;
+    const auto to = part(std::span(bytes), blob.chunk_bytes, number);
+    if (!answer.came || answer.status == kNobody) answered = false;
+    if (!answer.came || answer.status != 0 || answer.data.size() != to.size()) return false;
+    std::memcpy(to.data(), answer.data.data(), to.size());
+    return true;
   });
-  if (how != Fetched::How::kWhole) return {how, {}};
-  if (!all || digest_of(fetched.bytes) != blob.digest) return {Fetched::How::kMissing, {}};
-  return fetched;
+  if (!answered) return {};
+  if (!all || digest_of(bytes) != blob.digest) return {.came = true, .status = kNoMessage};
+  return {.came = true, .data = std::move(bytes)};
 }
 
-void remove_blob(Connection& connection, const std::string& robot, const std::string& prefix) {
+void remove_blob(Connection& connection, const std::string& prefix) {
   const std::string text = json_text(Json::object({{"filter", prefix + ".>"}}));
-  connection.publish("$JS.API.STREAM.PURGE." + blob_stream(robot), std::as_bytes(std::span(text)));
+  connection.publish("$JS.API.STREAM.PURGE." + blob_stream(robot_of(prefix)),
+                     std::as_bytes(std::span(text)));
 }
 
 }  // namespace pirt::cloud

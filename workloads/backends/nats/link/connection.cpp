@@ -7,6 +7,7 @@
 #include <atomic>
 #include <condition_variable>
 #include <cstdlib>
+#include <cstring>
 #include <mutex>
 #include <random>
 #include <utility>
@@ -19,16 +20,12 @@ namespace pirt::cloud {
 namespace {
 
 constexpr std::size_t kStandardPayload = std::size_t{1} << 20;
+constexpr std::size_t kLeastPayload = std::size_t{64} << 10;
 constexpr std::size_t kHead = 4096;  ///< Of a message: subject, id, what a frame adds.
 constexpr std::size_t kLargestChunk = std::size_t{512} << 10;
 constexpr std::size_t kMostMessage = std::size_t{64} << 20;  ///< More no server takes.
 /// For the library's threads to have seen the end.
 constexpr Nanos kEnd = std::chrono::seconds(5);
-
-std::int64_t ms(Nanos time) {
-  return std::max<std::int64_t>(
-      1, std::chrono::duration_cast<std::chrono::milliseconds>(time).count());
-}
 
 void throw_unless(natsStatus status, const std::string& what) {
   if (status == NATS_OK) return;
@@ -68,19 +65,16 @@ bool has_headers(natsMsg* message) {
 }  // namespace
 
 struct Connection::State {
-  struct Wanted {
+  struct Subscription {
     std::string subject;
     Handler handler;
     std::int64_t most_bytes = 0;
-  };
-  /// What the library has of one: it knows of no destructor's end.
-  struct Subscription {
-    std::shared_ptr<State> state;
-    Handler handler;
+    /// Of those that the library has: it knows of no destructor's end.
+    std::shared_ptr<State> state = {};
   };
 
   ConnectionOptions options;
-  Events events;
+  Listener listener;
   std::atomic<bool> up = false;
   std::atomic<std::size_t> most_payload = kStandardPayload;  ///< Of the last connection.
 
@@ -88,7 +82,7 @@ struct Connection::State {
   std::condition_variable_any changed;
   std::shared_ptr<natsConnection> handle;        ///< Null while there is none.
   std::string why_down, problem;                 ///< What the last try came to; as problem().
-  std::vector<Wanted> wanted;                    ///< What is subscribed to,
+  std::vector<Subscription> wanted;              ///< What is subscribed to,
   std::vector<natsSubscription*> subscriptions;  ///< and how, over the handle.
   bool lost = false;                             ///< The handle.
   int dispatching = 0;  ///< Subscriptions whose last message may not have been handled.
@@ -138,7 +132,7 @@ struct Connection::State {
   }
 
   static void keep_open(const std::stop_token& stop, const std::shared_ptr<State>& state);
-  static void subscribe(const std::shared_ptr<State>& state, const Wanted& wanted);
+  static void subscribe(const std::shared_ptr<State>& state, const Subscription& wanted);
   void open(const std::shared_ptr<State>& self);
   void close();
 };
@@ -208,14 +202,15 @@ void Connection::State::open(const std::shared_ptr<State>& self) {
   }
   const std::lock_guard lock(mutex);
   handle.reset(connection, natsConnection_Destroy);
-  for (const Wanted& each : wanted) subscribe(self, each);
+  for (const Subscription& each : wanted) subscribe(self, each);
   why_down.clear();
   up = true;
 }
 
 /// With the lock.
-void Connection::State::subscribe(const std::shared_ptr<State>& state, const Wanted& wanted) {
-  auto subscription = std::make_unique<Subscription>(Subscription{state, wanted.handler});
+void Connection::State::subscribe(const std::shared_ptr<State>& state, const Subscription& wanted) {
+  auto subscription = std::make_unique<Subscription>(wanted);
+  subscription->state = state;
   const auto set = [&](natsStatus status) {
     throw_unless(status, "subscription to " + wanted.subject + ": ");
   };
@@ -254,12 +249,12 @@ void Connection::State::keep_open(const std::stop_token& stop,
     try {
       state->open(state);
       state->changed.notify_all();
-      if (state->events.up) state->events.up();
+      if (state->listener) state->listener(true);
       std::unique_lock lock(state->mutex);
       state->changed.wait(lock, stop, [&] { return state->lost; });
       state->up = false;
       lock.unlock();
-      if (state->events.down) state->events.down();
+      if (state->listener) state->listener(false);
     } catch (const std::exception& error) {
       const std::lock_guard lock(state->mutex);
       state->up = false;
@@ -274,11 +269,11 @@ void Connection::State::keep_open(const std::stop_token& stop,
   }
 }
 
-Connection::Connection(const ConnectionOptions& options, Events events)
+Connection::Connection(const ConnectionOptions& options, Listener listener)
     : state_(std::make_shared<State>()) {
   check_connection(options);
   state_->options = options;
-  state_->events = std::move(events);
+  state_->listener = std::move(listener);
   keeper_ = start_thread(
       [state = state_](const std::stop_token& stop) { State::keep_open(stop, state); });
 }
@@ -296,21 +291,14 @@ bool Connection::is_up() const { return state_->up; }
 
 std::string Connection::why_down() const {
   if (is_up()) return "";
-  std::string said;
-  {
-    const std::lock_guard lock(state_->mutex);
-    said = state_->why_down;
-  }
-  std::string small = said;
-  std::ranges::transform(small, small.begin(),
-                         [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
+  const std::lock_guard lock(state_->mutex);
+  const std::string& said = state_->why_down;
   struct Known {
-    std::string_view says, remedy;
+    const char *says, *remedy;
   };
-  constexpr std::string_view kFull =
+  constexpr const char* kFull =
       "it has as many connections as it may have; raise max_connections there";
-  constexpr std::string_view kWho =
-      "it lets this user not in; check its password, NKey or certificate";
+  constexpr const char* kWho = "it lets this user not in; check its password, NKey or certificate";
   static constexpr Known kKnown[] = {
       {"maximum connections", kFull},
       {"expected 'pong', got ''", kFull},  // It says why, and hangs up: that may be lost.
@@ -324,9 +312,9 @@ std::string Connection::why_down() const {
        "may ask for this one's `certificate`"},
       {"timeout", "it does not answer; is it stopped, or something else there?"},
       {"", "start one (nats-server -js), or name another"}};
-  const auto known = std::ranges::find_if(
-      kKnown, [&](const Known& each) { return small.find(each.says) != std::string::npos; });
-  return (said.empty() ? "" : said + "; ") + std::string(known->remedy);
+  const auto* const known = std::ranges::find_if(
+      kKnown, [&](const Known& each) { return ::strcasestr(said.c_str(), each.says) != nullptr; });
+  return (said.empty() ? "" : said + "; ") + known->remedy;
 }
 
 std::string Connection::problem() const {
@@ -337,8 +325,8 @@ std::string Connection::problem() const {
 void Connection::note(const std::string& problem) { state_->note(problem); }
 
 std::string Connection::why_no_chunks() const {
-  return fmt::format("max_payload of the server is {} bytes; give it {} or more", most_payload(),
-                     kLeastPayload);
+  return fmt::format("max_payload of the server is {} bytes; give it {} or more",
+                     state_->most_payload.load(), kLeastPayload);
 }
 
 void Connection::subscribe(const std::string& subject, Handler handler, std::int64_t most_bytes) {
@@ -358,9 +346,10 @@ Connection::Answer Connection::request(const std::string& subject, ByteView data
   const auto handle = state_->current();
   if (handle == nullptr || !is_up() || data.size() > kMostMessage) return {};
   natsMsg* answer = nullptr;
-  const natsStatus status = natsConnection_Request(&answer, handle.get(), subject.c_str(),
-                                                   reinterpret_cast<const char*>(data.data()),
-                                                   static_cast<int>(data.size()), ms(most));
+  const natsStatus status = natsConnection_Request(
+      &answer, handle.get(), subject.c_str(), reinterpret_cast<const char*>(data.data()),
+      static_cast<int>(data.size()),
+      std::max<std::int64_t>(1, most / std::chrono::milliseconds(1)));
   if (status == NATS_NO_RESPONDERS) return {true, kNobody, {}};
   if (status != NATS_OK) return {};
   const MessagePtr came(answer);
@@ -368,10 +357,8 @@ Connection::Answer Connection::request(const std::string& subject, ByteView data
   return {true, status_of(answer), Bytes(bytes.begin(), bytes.end())};
 }
 
-std::size_t Connection::most_payload() const { return state_->most_payload; }
-
 std::uint32_t Connection::chunk_bytes() const {
-  const std::size_t most = most_payload();
+  const std::size_t most = state_->most_payload;
   return most < kLeastPayload ? 0
                               : static_cast<std::uint32_t>(std::min(most - kHead, kLargestChunk));
 }

@@ -56,13 +56,12 @@ struct Incoming {
 class Connection {
  public:
   using Handler = std::function<void(const Incoming&)>;
-  struct Events {
-    std::function<void()> up = {}, down = {};
-  };
+  using Listener = std::function<void(bool is_up)>;
 
-  /// Returns at once, whether or not there is a server: `up` is called when there is.
+  /// Returns at once, whether or not there is a server.
+  /// @param listener  Is told when there is one, and when it is lost; may be empty.
   /// @throws As check_connection; Error{kEnvironment} if the library cannot begin.
-  Connection(const ConnectionOptions& options, Events events);
+  Connection(const ConnectionOptions& options, Listener listener);
   ~Connection();
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
@@ -96,17 +95,14 @@ class Connection {
                                Nanos most = kAnswer) {
     return request(subject, std::as_bytes(std::span(text)), most);
   }
-  /// In bytes; a standard server's before there was a connection.
-  [[nodiscard]] std::size_t most_payload() const;
-  /// Of a message's data that is certain to fit with its head; 0 where the server's max_payload is
-  /// too small for robots and workers.
+  /// Of a message's data that is certain to fit with its head; a standard server's before there was
+  /// a connection, 0 where the server's max_payload is too small for robots and workers.
   [[nodiscard]] std::uint32_t chunk_bytes() const;
   /// The same of a blob's: some are under way at a time, and each has to be answered within kAnswer
   /// over a slow link too.
   [[nodiscard]] std::uint32_t blob_chunk_bytes() const {
     return std::min<std::uint32_t>(chunk_bytes(), 128 << 10);
   }
-  static constexpr std::size_t kLeastPayload = std::size_t{64} << 10;
   /// What to say of that, with the remedy.
   [[nodiscard]] std::string why_no_chunks() const;
 

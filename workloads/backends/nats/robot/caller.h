@@ -9,7 +9,7 @@
 // time. Three of the last kind are enough.
 #pragma once
 
-#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -19,7 +19,7 @@
 #include <string>
 #include <vector>
 
-#include "workloads/backends/nats/wire/wire.h"
+#include "workloads/backends/nats/wire/tensors.h"
 
 namespace pirt::cloud {
 
@@ -36,21 +36,19 @@ struct CallerLimits {
   bool hedge_p95 = false;
 };
 
-/// How a task ended at its caller.
-enum class CallEndKind : std::uint8_t {
-  kDone,
-  kGivenUp,   ///< Its tries failed.
-  kRefused,   ///< No worker would ever run it.
-  kReturned,  ///< Its time for this was over: it is to be computed elsewhere.
-  kCancelled,
-};
-
-/// A task on its way to a worker.
-struct GivenTask {
-  TaskId task = {};
-  std::uint64_t worker = 0;
-  std::uint32_t send = 1, waiting = 0;
-  std::optional<Nanos> time_left = {};
+/// A task, and who hears what becomes of it.
+struct Submission {
+  /// Whole, but for its numbers; its time counts from now.
+  TaskMessage task = {};
+  std::optional<Digest> known_by = {};  ///< As of Kind: whose name alone does not say what it is.
+  // As CallerEvents::tell; may be empty.
+  std::function<void()> taken = {};    ///< By a worker; once.
+  std::function<void()> missing = {};  ///< On the stream: what it says is there. Then ready().
+  /// In any case, and once: a worker's reply, or nothing but the problem, in one line.
+  std::function<void(ReplyMessage)> ended = {};
+  // Whoever gave it to a worker last says when that was, and in how many bytes.
+  Nanos given_at{0};
+  std::size_t given_bytes = 0;
 };
 
 /// What is to be done.
@@ -58,27 +56,26 @@ class CallerEvents {
  public:
   virtual ~CallerEvents() = default;
   virtual void offer(std::uint32_t waiting) = 0;
-  virtual void give(const GivenTask& given) = 0;
+  /// @param task  Its numbers and its time are those that the worker is to hear.
+  virtual void give(Submission& task, std::uint64_t worker) = 0;
   virtual void give_nothing(std::uint64_t worker) = 0;
-  /// A worker found its parameters or inputs not on the stream: ready() says when they are.
-  virtual void missing(const TaskId& task) = 0;
+  /// The first that was heard of it since it was given to a worker.
+  virtual void taken(const Submission& task) = 0;
   /// Whoever has it may let go of it.
   virtual void withdraw(const TaskId& task) = 0;
-  /// @param reply  Of one that is done; else null.
-  virtual void end(const TaskId& task, CallEndKind how, const std::string& problem,
-                   const ReplyMessage* reply) = 0;
+  /// To be called, if it is not empty.
+  virtual void tell(std::function<void()> what) = 0;
 };
 
 struct CallerCounts {
-  std::int64_t submitted = 0;                 ///< = those that ended, and live ones.
-  std::array<std::int64_t, 5> ended_as = {};  ///< By CallEndKind.
+  std::int64_t submitted = 0;  ///< = those that ended, and live ones.
+  std::int64_t done = 0;
   std::int64_t sent_again = 0;
   std::int64_t hedged = 0;  ///< Of those: a second worker, beside the first.
   std::int64_t late = 0;    ///< Replies to tasks that had ended: dropped.
-
-  [[nodiscard]] std::int64_t ended(CallEndKind how) const {
-    return ended_as[static_cast<std::size_t>(how)];
-  }
+  /// How often other workers, or other workloads of theirs, were announced, or some had fallen
+  /// silent.
+  std::uint64_t others = 0;
 };
 
 class Caller {
@@ -86,20 +83,18 @@ class Caller {
   Caller(CallerEvents& events, const CallerLimits& limits, std::uint64_t seed)
       : events_(events), limits_(limits), random_(static_cast<std::uint32_t>(seed)) {}
 
-  /// @param kind  What tasks that take as long have in common.
-  void submit(const TaskId& task, const std::string& kind, std::optional<Nanos> deadline,
-              Nanos now);
+  void submit(Submission submission, Nanos now);
   /// Nothing more is heard of it but its end.
   void cancel(const TaskId& task);
+  void cancel_all();
   /// What a worker missed is there now.
   void ready(const TaskId& task, Nanos now);
 
   void link_up(Nanos now);
   void link_down();
-  /// @param takes  Whether a task is for that worker.
-  void claimed(std::uint64_t worker, const std::function<bool(const TaskId&)>& takes, Nanos now);
-  void replied(const ReplyMessage& reply, Nanos now);
-  void worker_heard(std::uint64_t worker, Nanos now);
+  void claimed(std::uint64_t worker, Nanos now);
+  void replied(ReplyMessage reply, Nanos now);
+  void heard(HelloMessage hello, Nanos now);
   void wake(Nanos now);
   /// When to call wake next; Nanos::max() = never.
   [[nodiscard]] Nanos next_wake() const;
@@ -108,6 +103,11 @@ class Caller {
   [[nodiscard]] std::size_t live() const { return entries_.size(); }
   /// Whether a task that is submitted now gets to a worker.
   [[nodiscard]] bool is_up(Nanos now) const;
+  /// Nobody was heard.
+  [[nodiscard]] bool is_alone() const { return workers_.empty(); }
+  /// Why no worker that was heard computes it: nobody knows it, or it is something else there;
+  /// empty if one does, or nobody was heard.
+  [[nodiscard]] std::string why_not(const Kind& kind) const;
 
  private:
   /// A worker has it, or may have.
@@ -118,25 +118,32 @@ class Caller {
     Nanos since{0}, until{0};  ///< Nothing was heard of it then: it is not there any more.
   };
   struct Entry {
-    std::string kind = {};
+    Submission submission = {};
     std::optional<Nanos> offered_at = {};  ///< Waits for a worker from then on.
+    std::optional<Nanos> deadline = {}, hedge_at = {};
     std::vector<Given> given = {};
     std::uint32_t sends = 0, tries = 0;
-    std::optional<Nanos> deadline = {}, hedge_at = {};
+    bool taken = false;
   };
   using Entries = std::map<TaskId, Entry>;
+  struct Worker {
+    HelloMessage said = {};
+    Nanos at{0};
+    bool is_here = false;  ///< It was heard since there is this link.
+    [[nodiscard]] bool lives(Nanos now, Nanos within) const { return is_here && now < at + within; }
+  };
 
   [[nodiscard]] static bool waits(const Entry& entry, Nanos now) {
     return entry.offered_at && *entry.offered_at <= now;
   }
   [[nodiscard]] std::uint32_t waiting(Nanos now) const;
   void offer(Nanos now);
-  void give(const TaskId& task, Entry& entry, std::uint64_t worker, Nanos now);
+  [[nodiscard]] bool is_for(const Submission& task, std::uint64_t worker) const;
+  void give(Entry& entry, std::uint64_t worker, Nanos now);
   void failed(Entries::iterator at, const std::string& problem, Nanos now);
   void look(Entries::iterator at, Nanos now);
-  void end(Entries::iterator at, CallEndKind how, const std::string& problem,
-           const ReplyMessage* reply);
-  [[nodiscard]] std::optional<Nanos> hedged_after(const std::string& kind) const;
+  void end(Entries::iterator at, ReplyMessage how);
+  [[nodiscard]] std::optional<Nanos> hedged_after(const Digest& spec) const;
   [[nodiscard]] Nanos due(const Entry& entry) const;
 
   CallerEvents& events_;
@@ -144,9 +151,9 @@ class Caller {
   std::minstd_rand random_;
   Entries entries_;
   bool linked_ = false;
-  std::map<std::uint64_t, Nanos> workers_;         ///< When each was last heard.
-  Nanos offered_{-1}, offer_at_ = Nanos::max();    ///< The last offer, and the next.
-  std::map<std::string, std::deque<Nanos>> took_;  ///< The last calls of each kind.
+  std::map<std::uint64_t, Worker> workers_;   ///< That are not silent, by instance.
+  Nanos offered_{-1};                         ///< When tasks were offered last.
+  std::map<Digest, std::deque<Nanos>> took_;  ///< The last calls of each spec.
   CallerCounts counts_;
 };
 

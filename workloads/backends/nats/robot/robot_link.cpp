@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "workloads/backends/nats/wire/subjects.h"
-#include "workloads/backends/nats/wire/tensors.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
 
@@ -16,21 +15,12 @@ namespace {
 
 constexpr Nanos kAskAgain = std::chrono::seconds(1);
 constexpr Nanos kLongestWait = std::chrono::hours(1);
-constexpr std::size_t kMostHeard = 1024;      ///< Workers.
 constexpr std::size_t kMostHello = 64 << 10;  ///< Of it 1024 are kept.
 constexpr std::size_t kMostReply = std::numeric_limits<std::size_t>::max();  ///< With its outputs.
 /// A message that no measurement of the bandwidth follows from.
 constexpr std::size_t kSmall = 64 << 10;
 /// Of what is measured, in what is known from before.
 constexpr double kNew = 0.25;
-
-/// As what @p known_by says, where the name alone does not.
-bool knows(const HelloMessage& worker, const std::string& workload,
-           const std::optional<Digest>& known_by) {
-  return std::ranges::any_of(worker.workloads, [&](const HelloMessage::Known& known) {
-    return known.workload == workload && (!known_by || known.spec == *known_by);
-  });
-}
 
 }  // namespace
 
@@ -62,13 +52,12 @@ void RobotLink::say_all() {
   saying_ = false;
 }
 
-template <typename Said>
-void RobotLink::subscribe(const std::string& subject, std::size_t most_bytes,
-                          void (RobotLink::*handler)(const Said&)) {
+template <typename Said, typename Step>
+void RobotLink::subscribe(const std::string& subject, std::size_t most_bytes, Step step) {
   connection_->subscribe(subject, [=, this](const Incoming& message) {
     if (message.data.size() > most_bytes) return connection_->note("a worker says too much");
-    const auto said = decode_as<Said>(message.data);
-    if (said.value) return (this->*handler)(*said.value);
+    auto said = decode_as<Said>(message.data);
+    if (said.value) return with_caller([&](Nanos now) { step(*std::move(said.value), now); });
     connection_->note("a worker says what cannot be read: " + said.problem);
   });
 }
@@ -78,18 +67,23 @@ RobotLink::RobotLink(const RobotOptions& options)
   check_robot_name(options_.robot);
   options_.connection.name = "pirt robot " + options_.robot;
   options_.connection.inbox = "_INBOX_" + options_.robot;
-  Connection::Events events;
-  events.up = [this] { with_caller([this](Nanos now) { ask_at_ = now; }); };
-  events.down = [this] {
-    with_caller([this](Nanos) {
-      ask_at_ = Nanos::max();
-      caller_.link_down();
+  connection_ = std::make_unique<Connection>(options_.connection, [this](bool is_up) {
+    with_caller([&](Nanos now) {
+      ask_at_ = is_up ? now : Nanos::max();
+      if (!is_up) caller_.link_down();
     });
-  };
-  connection_ = std::make_unique<Connection>(options_.connection, std::move(events));
-  subscribe(subject("claim", options_.robot), kMostHello, &RobotLink::claimed);
-  subscribe(subject("answer", options_.robot), kMostReply, &RobotLink::replied);
-  subscribe(kHelloSubject, kMostHello, &RobotLink::heard_hello);
+  });
+  subscribe<ClaimMessage>(subject("claim", options_.robot), kMostHello,
+                          [this](const ClaimMessage& claim, Nanos now) {
+                            // Else it is of another program of this robot's name.
+                            if (claim.run == run_) caller_.claimed(claim.worker, now);
+                          });
+  subscribe<ReplyMessage>(
+      subject("answer", options_.robot), kMostReply,
+      [this](ReplyMessage&& reply, Nanos now) { caller_.replied(std::move(reply), now); });
+  subscribe<HelloMessage>(kHelloSubject, kMostHello, [this](HelloMessage&& hello, Nanos now) {
+    caller_.heard(std::move(hello), now);
+  });
   server_ = start_thread([this](const std::stop_token& stop) { serve(stop); });
 }
 
@@ -97,7 +91,7 @@ RobotLink::~RobotLink() {
   server_ = {};
   {
     const std::lock_guard lock(mutex_);
-    while (!running_.empty()) caller_.cancel(running_.begin()->first);
+    caller_.cancel_all();
     told_.clear();
   }
   say_all();
@@ -116,8 +110,7 @@ void RobotLink::serve(const std::stop_token& stop) {
       if (asks) ask_for_stream();
       std::unique_lock lock(mutex_);
       const Nanos until = std::min(caller_.next_wake(), ask_at_), now = clock_.now();
-      const Nanos left =
-          std::clamp<Nanos>(until - std::min(until, now), Nanos::zero(), kLongestWait);
+      const Nanos left = std::min(until - std::min(until, now), kLongestWait);
       changed_.wait_for(lock, stop, left,
                         [&] { return std::min(caller_.next_wake(), ask_at_) < until; });
     } catch (const std::exception& error) {  // Such as no memory: it goes on.
@@ -131,21 +124,19 @@ void RobotLink::serve(const std::stop_token& stop) {
 void RobotLink::ask_for_stream() {
   const auto answer =
       connection_->request("$JS.API.STREAM.INFO." + blob_stream(options_.robot), "", kAskAgain);
+  if (!answer.came && !connection_->is_up()) return;
+  StreamAnswer stream = answer.came ? read_answer(answer) : StreamAnswer();
   if (!answer.came) {
-    if (!connection_->is_up()) return;
-    const std::lock_guard lock(mutex_);
-    no_stream_ = fmt::format(
+    stream.why = fmt::format(
         "it does not say whether robot '{}' has a stream; may this user be that robot (pirt "
         "cloud-admin permissions)?",
         options_.robot);
-    return;
-  }
-  StreamAnswer stream = read_answer(answer);
-  if (stream.error == kNoStream) {
+  } else if (connection_->chunk_bytes() == 0) {
+    stream.why = connection_->why_no_chunks();
+  } else if (stream.error == kNoStream) {
     stream.why = fmt::format("no stream for robot '{}'; run `pirt cloud-admin setup --robots {}`",
                              options_.robot, options_.robot);
   }
-  if (connection_->chunk_bytes() == 0) stream.why = connection_->why_no_chunks();
   with_caller([&](Nanos now) {
     no_stream_ = stream.why;
     if (!no_stream_.empty() || !connection_->is_up()) return;  // It is asked again.
@@ -156,13 +147,8 @@ void RobotLink::ask_for_stream() {
 }
 
 void RobotLink::submit(const TaskId& task, Submission submission) {
-  with_caller([&](Nanos now) {
-    const auto deadline =
-        submission.time_left ? std::optional(later_by(now, *submission.time_left)) : std::nullopt;
-    const std::string kind = submission.task.spec.hex();
-    running_.try_emplace(task, Running{std::move(submission), now});
-    caller_.submit(task, kind, deadline, now);
-  });
+  submission.task.task = task;
+  with_caller([&](Nanos now) { caller_.submit(std::move(submission), now); });
 }
 
 void RobotLink::cancel(const TaskId& task) {
@@ -181,94 +167,26 @@ void RobotLink::give_nothing(std::uint64_t worker) {
   said_.emplace_back(task_subject(options_.robot, worker), encode(OfferMessage{run_, 0}));
 }
 
-void RobotLink::give(const GivenTask& given) {
-  const auto at = running_.find(given.task);
-  if (at == running_.end()) return;
-  Running& running = at->second;
-  TaskMessage& message = running.submission.task;
-  message.task = given.task;
-  message.send = given.send;
-  message.waiting = given.waiting;
-  message.time_left = given.time_left;
-  Bytes frame = encode(message);
-  running.given = clock_.now();
-  running.sent_bytes = frame.size();
-  said_.emplace_back(task_subject(options_.robot, given.worker), std::move(frame));
+void RobotLink::give(Submission& task, std::uint64_t worker) {
+  Bytes frame = encode(task.task);
+  task.given_at = clock_.now();
+  task.given_bytes = frame.size();
+  said_.emplace_back(task_subject(options_.robot, worker), std::move(frame));
 }
 
-void RobotLink::missing(const TaskId& task) {
-  const auto at = running_.find(task);
-  if (at != running_.end() && at->second.submission.missing) {
-    told_.push_back(at->second.submission.missing);
-  }
+void RobotLink::taken(const Submission& task) {
+  if (task.given_bytes == 0) return;
+  tell([this, took = clock_.now() - task.given_at, bytes = task.given_bytes] {
+    measure(took, bytes);
+  });
 }
 
 void RobotLink::withdraw(const TaskId& task) {
   said_.emplace_back(subject("cancel", options_.robot), encode(CancelMessage{task}));
 }
 
-void RobotLink::end(const TaskId& task, CallEndKind how, const std::string& problem,
-                    const ReplyMessage* reply) {
-  const auto at = running_.find(task);
-  if (at == running_.end()) return;
-  const Running running = std::move(at->second);
-  running_.erase(at);
-  TaskEnd told{.how = how, .problem = problem};
-  if (reply != nullptr) {
-    told.worker = reply->worker;
-    told.send = reply->send;
-    told.execute = reply->execute;
-    told.outputs = reply->outputs;
-  }
-  told.total = clock_.now() - running.submitted;
-  if (!running.submission.ended) return;
-  told_.push_back([ended = running.submission.ended, told = std::move(told)] { ended(told); });
-}
-
-void RobotLink::replied(const ReplyMessage& reply) {
-  Nanos took{0};
-  std::size_t bytes = 0;
-  with_caller([&](Nanos now) {
-    const auto at = running_.find(reply.task);
-    if (at != running_.end() && !std::exchange(at->second.taken, true)) {
-      Running& running = at->second;
-      took = now - running.given;
-      bytes = running.sent_bytes;
-      if (running.submission.taken) told_.push_back(running.submission.taken);
-    }
-    caller_.replied(reply, now);
-  });
-  if (bytes > 0) measure(took, bytes);
-}
-
-void RobotLink::heard_hello(const HelloMessage& hello) {
-  with_caller([&](Nanos now) {
-    if (workers_.size() >= kMostHeard) workers_.clear();
-    const auto silent = std::erase_if(workers_, [&](const auto& entry) {
-      return entry.second.at + options_.limits.worker < now && entry.first != hello.instance;
-    });
-    const auto [known, is_new] = workers_.try_emplace(hello.instance);
-    if (is_new || silent > 0 || known->second.said.workloads != hello.workloads) ++heard_;
-    known->second = {hello, now};
-    caller_.worker_heard(hello.instance, now);
-  });
-}
-
-/// A task goes to a worker that knows its workload, if there is one.
-void RobotLink::claimed(const ClaimMessage& claim) {
-  if (claim.run != run_) return;  // Of another program of this robot's name.
-  const auto takes = [&](const TaskId& task) {
-    const auto running = running_.find(task);
-    if (running == running_.end()) return false;
-    const Submission& submission = running->second.submission;
-    const auto its = [&](const Worker& worker) {
-      return knows(worker.said, submission.task.workload, submission.known_by);
-    };
-    const auto asks = workers_.find(claim.worker);
-    if (asks != workers_.end() && its(asks->second)) return true;
-    return std::ranges::none_of(workers_, [&](const auto& each) { return its(each.second); });
-  };
-  with_caller([&](Nanos now) { caller_.claimed(claim.worker, takes, now); });
+void RobotLink::tell(std::function<void()> what) {
+  if (what) told_.push_back(std::move(what));
 }
 
 void RobotLink::measure(Nanos took, std::size_t bytes) {
@@ -302,7 +220,7 @@ std::string RobotLink::why_down() const {
   const std::lock_guard lock(mutex_);
   if (caller_.is_up(clock_.now())) return "";
   if (!no_stream_.empty()) return server + ": " + no_stream_;
-  if (!problem.empty() && workers_.empty()) {
+  if (!problem.empty() && caller_.is_alone()) {
     return "nothing was heard of a worker at " + server + " (" + problem + ")";
   }
   return "no worker is at " + server + "; start one (pirt cloud-worker --server " +
@@ -333,19 +251,7 @@ CallerCounts RobotLink::counts() const {
 std::string RobotLink::why_not(const Workload& workload) const {
   const Kind kind = kind_of(workload);
   const std::lock_guard lock(mutex_);
-  std::string why;
-  for (const auto& [instance, worker] : workers_) {
-    const std::string who =
-        fmt::format("worker {} (pirt {})", worker.said.worker, worker.said.version);
-    if (knows(worker.said, kind.name, kind.known_by)) return "";
-    why = knows(worker.said, kind.name, {})
-              ? fmt::format("{} has another {}: {}", who, kind.name, kind.differs)
-              : fmt::format("{} does not know {}{}", who, kind.name,
-                            kind.missing.empty()
-                                ? ", or has no room for it (pirt cloud-worker --cache-mb)"
-                                : kind.missing);
-  }
-  return why;
+  return caller_.why_not(kind);
 }
 
 }  // namespace pirt::cloud

@@ -9,10 +9,8 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
-#include <map>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -20,7 +18,6 @@
 
 #include "workloads/backends/nats/link/administration.h"
 #include "workloads/backends/nats/robot/caller.h"
-#include "workloads/backends/nats/wire/tensors.h"
 #include "workloads/model/remote.h"
 
 namespace pirt::cloud {
@@ -29,27 +26,6 @@ struct RobotOptions {
   ConnectionOptions connection = {};
   std::string robot = "robot";  ///< As the administrator knows it.
   CallerLimits limits = {};
-};
-
-/// How a task ended, with durations of this clock or of the worker's, never differences of both.
-struct TaskEnd {
-  CallEndKind how = CallEndKind::kDone;
-  std::string problem = {};  ///< In one line; empty if done.
-  std::string worker = {};
-  std::uint32_t send = 0;  ///< That it is the reply to.
-  Payload outputs = {};    ///< Of one that is done: encode_tensors.
-  Nanos execute{0};        ///< By the worker's clock.
-  Nanos total{0};          ///< From submitting to here.
-};
-
-struct Submission {
-  TaskMessage task = {};                ///< Whole, but for its numbers and times.
-  std::optional<Nanos> time_left = {};  ///< From now; then nobody wants it any more.
-  std::optional<Digest> known_by = {};  ///< As of Kind: whose name alone does not say what it is.
-  /// From a thread of the link's; may be empty. `ended` comes in any case, and once.
-  std::function<void()> taken = {};    ///< By a worker; once.
-  std::function<void()> missing = {};  ///< On the stream: what it says is there. Then ready().
-  std::function<void(TaskEnd)> ended = {};
 };
 
 /// Any thread may call it.
@@ -82,47 +58,28 @@ class RobotLink : private CallerEvents {
   [[nodiscard]] LinkEstimate estimate() const;
   void measure(Nanos took, std::size_t bytes);
   [[nodiscard]] CallerCounts counts() const;
-  /// Why no worker that was heard computes it: nobody knows it, or it is something else there;
-  /// empty if one does, or nobody was heard.
+  /// As Caller::why_not.
   [[nodiscard]] std::string why_not(const Workload& workload) const;
-  /// How often other workers, or other workloads of theirs, were announced, or some had fallen
-  /// silent.
-  [[nodiscard]] std::uint64_t heard() const { return heard_; }
   [[nodiscard]] Connection& connection() { return *connection_; }
   [[nodiscard]] const std::string& robot() const { return options_.robot; }
 
  private:
-  struct Running {
-    Submission submission;
-    Nanos submitted{0}, given{0};
-    std::size_t sent_bytes = 0;  ///< That it was given to a worker with.
-    bool taken = false;
-  };
-  struct Worker {
-    HelloMessage said;
-    Nanos at{0};
-  };
-
   // Of CallerEvents: what others have to hear is told, and said to them, once the lock is gone.
   void offer(std::uint32_t waiting) override;
-  void give(const GivenTask& given) override;
+  void give(Submission& task, std::uint64_t worker) override;
   void give_nothing(std::uint64_t worker) override;
-  void missing(const TaskId& task) override;
+  void taken(const Submission& task) override;
   void withdraw(const TaskId& task) override;
-  void end(const TaskId& task, CallEndKind how, const std::string& problem,
-           const ReplyMessage* reply) override;
+  void tell(std::function<void()> what) override;
 
   template <typename Step>
   void with_caller(Step step);
   void say_all();
   void serve(const std::stop_token& stop);
   void ask_for_stream();
-  void claimed(const ClaimMessage& claim);
-  void replied(const ReplyMessage& reply);
-  void heard_hello(const HelloMessage& hello);
-  template <typename Said>
-  void subscribe(const std::string& subject, std::size_t most_bytes,
-                 void (RobotLink::*handler)(const Said&));
+  /// @param step  void(Said, Nanos), with the lock.
+  template <typename Said, typename Step>
+  void subscribe(const std::string& subject, std::size_t most_bytes, Step step);
 
   RobotOptions options_;
   std::uint64_t run_ = new_id();
@@ -132,7 +89,6 @@ class RobotLink : private CallerEvents {
   mutable std::mutex mutex_;  ///< Of what follows.
   std::condition_variable_any changed_;
   Caller caller_;
-  std::map<TaskId, Running> running_;
   std::vector<std::function<void()>> told_;         ///< What somebody has to hear.
   std::deque<std::pair<std::string, Bytes>> said_;  ///< Subjects and messages, not yet published.
   bool saying_ = false;                             ///< Some thread publishes them.
@@ -140,8 +96,6 @@ class RobotLink : private CallerEvents {
   LinkEstimate estimate_;
   std::int64_t stream_bytes_ = 0;  ///< That its stream may have; below 1 = any number.
   std::string no_stream_;          ///< Why there is none, with the remedy; empty = there is.
-  std::map<std::uint64_t, Worker> workers_;  ///< That are not silent, by instance.
-  std::atomic<std::uint64_t> heard_ = 0;
 
   std::jthread server_;
   std::unique_ptr<Connection> connection_;  ///< Last: its handlers use the rest.

@@ -97,10 +97,9 @@ Decoded<std::shared_ptr<const Workload>> Admission::admit(const TaskMessage& tas
   if (task.parameters && !may_be(task.parameters->size_bytes, workload.parameters)) {
     return refuse(fmt::format("{} bytes of parameters", task.parameters->size_bytes));
   }
-  const auto* const blob = std::get_if<Blob>(&task.inputs);
-  const std::uint64_t bytes =
-      blob != nullptr ? blob->size_bytes : std::get<Bytes>(task.inputs).size();
-  if (!may_be(bytes, workload.inputs)) return refuse(fmt::format("{} bytes of inputs", bytes));
+  if (const std::uint64_t bytes = task.inputs.size_bytes(); !may_be(bytes, workload.inputs)) {
+    return refuse(fmt::format("{} bytes of inputs", bytes));
+  }
   return {std::move(made), ""};
 }
 

@@ -22,16 +22,14 @@ struct Call {
   std::shared_ptr<const Workload> workload;
   ByteView parameters = {};                           ///< Empty as long as they were not missed.
   std::function<bool()> stop = [] { return false; };  ///< The worker ends.
-
-  [[nodiscard]] ByteView inputs() const { return std::get<Bytes>(task.inputs); }
 };
 
 class Computer {
  public:
   virtual ~Computer() = default;
-  /// @param reply  Gets its kind, problem, outputs and time; kMissing: it needs the parameters.
+  /// @return  Its kind, problem, outputs and time; kMissing: it needs the parameters.
   /// @throws std::exception if it did not work: a try that failed.
-  virtual void compute(const Call& call, ReplyMessage& reply) = 0;
+  [[nodiscard]] virtual ReplyMessage compute(const Call& call) = 0;
 };
 
 /// The call ended the process that computed it.

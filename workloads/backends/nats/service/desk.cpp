@@ -51,10 +51,10 @@ void Desk::offered(const std::string& name, std::uint64_t run, std::uint32_t wai
 std::optional<Desk::Claim> Desk::claim(Nanos now) {
   forget(now);
   if (computing_ + std::ssize(asked_) >= limits_.slots) return std::nullopt;
-  const auto active = std::ranges::count_if(
-      robots_, [&](const auto& each) { return each.second.heard + limits_.active >= now; });
-  const auto share = (limits_.slots + std::max<std::ptrdiff_t>(active, 1) - 1) /
-                     std::max<std::ptrdiff_t>(active, 1);
+  const auto active = std::max<std::ptrdiff_t>(
+      1, std::ranges::count_if(
+             robots_, [&](const auto& each) { return each.second.heard + limits_.active >= now; }));
+  const auto share = (limits_.slots + active - 1) / active;
   // Of a robot's runs, the one that was asked longest ago.
   const auto run_of = [&](Robot& robot) {
     auto next = robot.runs.end();
@@ -87,11 +87,11 @@ std::vector<Desk::Asked>::iterator Desk::find_claim(const std::string& robot, st
 
 /// The slot was its robot's since it was asked: who has many tasks that take no time has no more
 /// of it than others.
-std::vector<Desk::Asked>::iterator Desk::answered(std::vector<Asked>::iterator asked, Nanos now) {
+void Desk::answered(std::vector<Asked>::iterator asked, Nanos now) {
   Robot& robot = robots_.at(asked->claim.robot);
   --robot.slots;
   robot.used += now - asked->since;
-  return asked_.erase(asked);
+  asked_.erase(asked);
 }
 
 bool Desk::expects(const std::string& robot) const {
@@ -138,21 +138,18 @@ std::string Desk::why_refused(const std::string& name, Nanos now) {
 }
 
 void Desk::forget(Nanos now) {
-  const auto is_over = [&](const Asked& each) { return each.since + limits_.claim <= now; };
-  for (auto at = asked_.begin(); (at = std::find_if(at, asked_.end(), is_over)) != asked_.end();) {
-    auto& runs = robots_.at(at->claim.robot).runs;
-    if (const auto run = runs.find(at->claim.run); run != runs.end()) {
+  for (; next_wake() <= now; answered(asked_.begin(), now)) {
+    const Claim& claim = asked_.front().claim;
+    auto& runs = robots_.at(claim.robot).runs;
+    if (const auto run = runs.find(claim.run); run != runs.end()) {
       run->second.waiting = 0;
       run->second.late = true;
     }
-    at = answered(at, now);
   }
 }
 
 Nanos Desk::next_wake() const {
-  Nanos next = Nanos::max();
-  for (const Asked& each : asked_) next = std::min(next, each.since + limits_.claim);
-  return next;
+  return asked_.empty() ? Nanos::max() : asked_.front().since + limits_.claim;
 }
 
 }  // namespace pirt::cloud

@@ -75,15 +75,15 @@ class Desk {
   Robot& robot_of(const std::string& name, Nanos now);
   /// A run says how many tasks wait there.
   void hear(const std::string& name, std::uint64_t run, std::uint32_t waiting, Nanos now);
-  /// Or ran out. @return  The next one.
-  std::vector<Asked>::iterator answered(std::vector<Asked>::iterator asked, Nanos now);
+  /// Or ran out.
+  void answered(std::vector<Asked>::iterator asked, Nanos now);
   void forget(Nanos now);
   [[nodiscard]] std::vector<Asked>::iterator find_claim(const std::string& robot,
                                                         std::uint64_t run);
 
   DeskLimits limits_;
   std::map<std::string, Robot> robots_;
-  std::vector<Asked> asked_;
+  std::vector<Asked> asked_;  ///< The oldest first.
   int computing_ = 0;
 };
 

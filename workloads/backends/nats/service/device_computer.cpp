@@ -24,16 +24,13 @@ class DeviceComputer : public Computer {
   DeviceComputer(const Backend& backend, const UnitRequest& request, std::uint64_t kept_bytes)
       : kept_bytes_(kept_bytes), device_(backend.open(request)), empty_bytes_(held_bytes()) {}
 
-  void compute(const Call& call, ReplyMessage& reply) override {
-    auto inputs = decode_tensors(call.inputs(), call.workload->inputs);
-    if (!inputs.value) {
-      reply.kind = ReplyKind::kRefused;
-      reply.problem = call.workload->name + ": " + inputs.problem;
-      return;
-    }
+  ReplyMessage compute(const Call& call) override {
+    auto inputs = decode_tensors(call.task.inputs.bytes, call.workload->inputs);
+    if (!inputs.value) return refusal(call, inputs.problem);
     const std::uint64_t before = held_bytes();
+    ReplyMessage reply;
     const auto at = prepared(call, reply);
-    if (at == entries_.end()) return;
+    if (at == entries_.end()) return reply;
     std::vector<Tensor> outputs = make_tensors(call.workload->outputs);
     try {
       const Nanos begin = clock_.now();
@@ -51,10 +48,11 @@ class DeviceComputer : public Computer {
     if (now > before + call_bytes) {
       at->bytes = std::max(at->bytes, now - before - call_bytes);
     }
-    reply.outputs = encode_tensors(outputs);
+    reply.outputs.bytes = encode_tensors(outputs);
     inputs.value->clear();
     outputs.clear();
     keep_to_limits(call.parameters.size());
+    return reply;
   }
 
  private:
@@ -70,6 +68,10 @@ class DeviceComputer : public Computer {
     std::unique_ptr<Kernel> kernel;
   };
   using Entries = std::list<Entry>;
+
+  static ReplyMessage refusal(const Call& call, const std::string& why) {
+    return {.kind = ReplyKind::kRefused, .problem = call.workload->name + ": " + why};
+  }
 
   /// @return  The end where there are no parameters, or wrong ones: the reply says so.
   Entries::iterator prepared(const Call& call, ReplyMessage& reply) {
@@ -88,8 +90,7 @@ class DeviceComputer : public Computer {
       }
       auto decoded = decode_tensors(call.parameters, call.workload->parameters);
       if (!decoded.value) {
-        reply.kind = ReplyKind::kRefused;
-        reply.problem = call.workload->name + ": parameters: " + decoded.problem;
+        reply = refusal(call, "parameters: " + decoded.problem);
         return entries_.end();
       }
       made.parameters = std::move(*decoded.value);

@@ -9,11 +9,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include "workloads/backends/nats/service/computer.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/child.h"
+#include "workloads/base/system/file_descriptor.h"
 
 namespace pirt::cloud {
 namespace {
@@ -78,22 +80,24 @@ class ProcessComputer : public Computer {
  public:
   explicit ProcessComputer(SlotProgram program) : program_(std::move(program)) {}
   ~ProcessComputer() override { static_cast<void>(end()); }
-  ProcessComputer(const ProcessComputer&) = delete;
-  ProcessComputer& operator=(const ProcessComputer&) = delete;
 
-  void compute(const Call& call, ReplyMessage& reply) override {
-    if (process_ <= 0 && !start(call, reply)) return;
+  ReplyMessage compute(const Call& call) override {
+    if (process_ <= 0) {
+      if (const std::string how = start(call); !how.empty()) {
+        return later("a slot of the worker could not start (its output says why): " + how);
+      }
+    }
     const auto own = program_.call_limits.find(call.workload.get());
     const Nanos limit = own != program_.call_limits.end() ? own->second : program_.call_limit;
     Nanos until = clock_.now() + limit;
     bool ends = false;
-    const Line line(line_, [&] {
+    const Line line(line_.get(), [&] {
       if (!ends && call.stop())
         ends = true, until = std::min(until, clock_.now() + program_.end_limit);
       return clock_.now() < until;
     });
     try {
-      if (exchange(line, call, reply)) return;
+      if (auto reply = exchange(line, call)) return *std::move(reply);
     } catch (...) {  // What it was in the middle of would be taken for the next call's.
       ::kill(process_, SIGKILL);
       static_cast<void>(end());
@@ -102,11 +106,7 @@ class ProcessComputer : public Computer {
     const bool over = clock_.now() >= until;
     if (over) ::kill(process_, SIGKILL);
     const std::string how = end();
-    if (over && ends) {
-      reply.kind = ReplyKind::kLater;
-      reply.problem = "the worker ends";
-      return;
-    }
+    if (over && ends) return later("the worker ends");
     throw ProcessGone(over ? fmt::format("it was over its limit of {:.3g} s (pirt cloud-worker "
                                          "--call-limit, --profile): its process was killed",
                                          to_s(limit))
@@ -114,33 +114,34 @@ class ProcessComputer : public Computer {
   }
 
  private:
-  /// @return  False once the line has ended.
-  static bool exchange(const Line& line, const Call& call, ReplyMessage& reply) {
+  static ReplyMessage later(std::string why) {
+    return {.kind = ReplyKind::kLater, .problem = std::move(why)};
+  }
+
+  /// @return  None once the line has ended.
+  static std::optional<ReplyMessage> exchange(const Line& line, const Call& call) {
     const std::uint64_t most = encoded_bytes(call.workload->outputs) + (64 << 10);
     Bytes bytes;
     if (!line.put(std::as_bytes(std::span(call.robot))) || !line.put(encode(call.task)) ||
         !line.put(call.parameters) || !line.get(bytes, most)) {
-      return false;
+      return std::nullopt;
     }
-    auto said = decode_as<ReplyMessage>(bytes);
-    if (!said.value || !std::holds_alternative<Bytes>(said.value->outputs)) return false;
-    reply.kind = said.value->kind;
-    reply.problem = said.value->problem;
-    reply.execute = said.value->execute;
-    reply.outputs = std::move(said.value->outputs);
-    return true;
+    auto said = decode_as<ReplyMessage>(bytes).value;
+    if (said && said->outputs.blob) return std::nullopt;
+    return said;
   }
 
   /// Until the process says that it computes. One that does not is no fault of the call's.
-  bool start(const Call& call, ReplyMessage& reply) {
+  /// @return  Why it does not; empty = it does.
+  std::string start(const Call& call) {
     constexpr Nanos kStart = std::chrono::seconds(60), kAgain = std::chrono::seconds(1);
     std::string how;
     try {
       start();
       const Nanos until = clock_.now() + kStart;
       Bytes none;
-      const Line line(line_, [&] { return !call.stop() && clock_.now() < until; });
-      if (line.get(none, 0)) return true;
+      const Line line(line_.get(), [&] { return !call.stop() && clock_.now() < until; });
+      if (line.get(none, 0)) return "";
       ::kill(process_, SIGKILL);
       how = "its process " + end();
     } catch (const Error& error) {
@@ -150,9 +151,7 @@ class ProcessComputer : public Computer {
     for (const Nanos next = clock_.now() + kAgain; !call.stop() && clock_.now() < next;) {
       ::usleep(10'000);
     }
-    reply.kind = ReplyKind::kLater;
-    reply.problem = "a slot of the worker could not start (its output says why): " + how;
-    return false;
+    return how;
   }
 
   void start() {
@@ -163,31 +162,30 @@ class ProcessComputer : public Computer {
     if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) {
       throw_environment(fmt::format("no line to a process: {}", std::strerror(errno)));
     }
+    line_ = FileDescriptor(ends[0]);
+    const FileDescriptor theirs(ends[1]);
     const pid_t parent = ::getpid();
     process_ = ::fork();
     if (process_ == 0) {
       // Only what is safe between fork and exec.
       begin_child(parent, STDERR_FILENO + 1);
       ::setpgid(0, 0);  // a terminal's Ctrl-C is for the worker
-      if (ends[1] == kSlotDescriptor) {
-        ::fcntl(ends[1], F_SETFD, 0);
+      if (theirs.get() == kSlotDescriptor) {
+        ::fcntl(kSlotDescriptor, F_SETFD, 0);
       } else {
-        ::dup2(ends[1], kSlotDescriptor);
+        ::dup2(theirs.get(), kSlotDescriptor);
       }
       ::execv(raw[0], raw.data());
       ::_exit(127);
     }
-    const int error = errno;
-    ::close(ends[1]);
-    line_ = ends[0];
-    if (process_ > 0) return;
-    ::close(std::exchange(line_, -1));
-    throw_environment(fmt::format("no process could be started: {}", std::strerror(error)));
+    if (process_ < 0) {
+      throw_environment(fmt::format("no process could be started: {}", std::strerror(errno)));
+    }
   }
 
   /// One that does not end with its line is killed. @return  How it ended.
   std::string end() {
-    if (line_ >= 0) ::close(std::exchange(line_, -1));
+    line_.close();
     if (process_ <= 0) return "is not there";
     int status = 0;
     const Nanos until = clock_.now() + program_.end_limit;
@@ -207,7 +205,7 @@ class ProcessComputer : public Computer {
   SlotProgram program_;
   MachineClock clock_;
   pid_t process_ = -1;
-  int line_ = -1;
+  FileDescriptor line_;
 };
 
 }  // namespace
@@ -229,15 +227,14 @@ bool serve_computer(Computer& computer, const Admission& admission, int descript
     ReplyMessage reply;
     try {
       const auto workload = admission.admit(*task.value);
-      if (workload.value && std::holds_alternative<Bytes>(task.value->inputs)) {
-        computer.compute({robot, *task.value, *workload.value, parameters}, reply);
+      if (workload.value && !task.value->inputs.blob) {
+        reply = computer.compute({robot, *task.value, *workload.value, parameters});
       } else {
-        reply.kind = ReplyKind::kRefused;
-        reply.problem = workload.value ? "its inputs are elsewhere" : workload.problem;
+        reply = {.kind = ReplyKind::kRefused,
+                 .problem = workload.value ? "its inputs are elsewhere" : workload.problem};
       }
     } catch (const std::exception& error) {
-      reply.kind = ReplyKind::kFailedTry;
-      reply.problem = error.what();
+      reply = {.kind = ReplyKind::kFailedTry, .problem = error.what()};
       if (reply.problem.empty()) reply.problem = "an error without words";
     }
     if (!line.put(encode(reply))) return false;

@@ -49,10 +49,10 @@ WorkerLink::WorkerLink(const WorkerOptions& options, std::span<const Workload* c
                                  .slots = static_cast<std::uint32_t>(options.limits.slots),
                                  .workloads = admission_.known()})),
       desk_(options.limits) {
-  Connection::Events events;
-  events.up = [this] { change([this](Nanos now) { hello_at_ = now; }); };
   options_.connection.name = "pirt worker " + options_.name;
-  connection_ = std::make_unique<Connection>(options_.connection, std::move(events));
+  connection_ = std::make_unique<Connection>(options_.connection, [this](bool is_up) {
+    if (is_up) change([this](Nanos now) { hello_at_ = now; });
+  });
   constexpr std::int64_t kSmall = std::int64_t{8} << 20, kLarge = std::int64_t{64} << 20;
   const auto subscribe = [this](const std::string& to, std::int64_t most_bytes, auto handler) {
     connection_->subscribe(
@@ -177,80 +177,77 @@ void WorkerLink::compute(const std::stop_token& stop, int slot) {
     bool gone = false;
     try {
       if (computer == nullptr) computer = options_.make_computer();
-      run(*computer, *job, reply);
+      reply = run(*computer, *job);
     } catch (const std::exception& error) {
-      reply.kind = ReplyKind::kFailedTry;
-      reply.problem = error.what();
+      reply = {.kind = ReplyKind::kFailedTry, .problem = error.what()};
       gone = dynamic_cast<const ProcessGone*>(&error) != nullptr;
     }
     finish(job, std::move(reply), gone);
   }
 }
 
-void WorkerLink::run(Computer& computer, Job& job, ReplyMessage& reply) {
+ReplyMessage WorkerLink::run(Computer& computer, Job& job) {
   TaskMessage& task = job.message;
-  const auto end = [&](ReplyKind kind, std::string problem) {
-    reply.kind = kind;
-    reply.problem = std::move(problem);
-  };
   const auto is_over = [&] {
     return task.time_left && *task.time_left <= clock_.now() - job.taken;
   };
-  if (stopping_) return end(ReplyKind::kLater, "the worker ends");
-  if (!job.refused.empty()) return end(ReplyKind::kRefused, job.refused);
+  if (stopping_) return {.kind = ReplyKind::kLater, .problem = "the worker ends"};
+  if (!job.refused.empty()) return {.kind = ReplyKind::kRefused, .problem = job.refused};
   auto workload = admission_.admit(task);
-  if (!workload.value) return end(ReplyKind::kRefused, std::move(workload.problem));
-  if (is_over() || job.unwanted) return end(ReplyKind::kExpired, "");
-  if (const auto* const blob = std::get_if<Blob>(&task.inputs)) {
-    auto bytes = fetch(job, "in", task.task.hex(), *blob, reply);
-    if (!bytes) return;
-    task.inputs = std::move(*bytes);
-    if (is_over()) return end(ReplyKind::kExpired, "");  // Reading it took its time.
+  if (!workload.value) return {.kind = ReplyKind::kRefused, .problem = workload.problem};
+  if (is_over() || job.unwanted) return {.kind = ReplyKind::kExpired};
+  if (const auto blob = std::exchange(task.inputs.blob, {})) {
+    if (auto why = fetch(job, "in", task.task.hex(), *blob, task.inputs.bytes)) {
+      return *std::move(why);
+    }
+    if (is_over()) return {.kind = ReplyKind::kExpired};  // Reading it took its time.
   }
   Call call{
       .robot = job.robot, .task = task, .workload = std::move(*workload.value), .stop = [this] {
         return stopping_.load();
       }};
-  computer.compute(call, reply);
+  ReplyMessage reply = computer.compute(call);
   if (reply.kind == ReplyKind::kMissing && task.parameters) {  // It has not kept them.
-    const auto bytes = fetch(job, "par", task.parameters->digest.hex(), *task.parameters, reply);
-    if (!bytes) return;
-    reply = {};
-    call.parameters = *bytes;
-    computer.compute(call, reply);
+    Bytes bytes;
+    if (auto why = fetch(job, "par", task.parameters->digest.hex(), *task.parameters, bytes)) {
+      return *std::move(why);
+    }
+    call.parameters = bytes;
+    reply = computer.compute(call);
   }
   if (reply.kind == ReplyKind::kDone && !job.unwanted) store_outputs(job, reply);
+  return reply;
 }
 
-std::optional<Bytes> WorkerLink::fetch(const Job& job, std::string_view what,
-                                       const std::string& name, const Blob& blob,
-                                       ReplyMessage& reply) {
-  auto found = fetch_blob(*connection_, job.robot, blob_subject(job.robot, what, name), blob,
-                          [&, until = clock_.now() + options_.fetch] {
-                            return stopping_ || job.unwanted || clock_.now() >= until;
-                          });
-  if (found.how == Fetched::How::kWhole) return std::move(found.bytes);
-  const bool missing = found.how == Fetched::How::kMissing;
-  reply.kind = missing ? ReplyKind::kMissing : ReplyKind::kLater;
-  reply.problem = fmt::format("{} {}", what == "par" ? "its parameters" : "its inputs",
-                              missing ? "are not on the server" : "could not be read there");
-  return std::nullopt;
+std::optional<ReplyMessage> WorkerLink::fetch(const Job& job, std::string_view what,
+                                              const std::string& name, const Blob& blob,
+                                              Bytes& bytes) {
+  auto answer = fetch_blob(*connection_, blob_subject(job.robot, what, name), blob,
+                           [&, until = clock_.now() + options_.fetch] {
+                             return stopping_ || job.unwanted || clock_.now() >= until;
+                           });
+  if (answer.came && answer.status == 0) {
+    bytes = std::move(answer.data);
+    return std::nullopt;
+  }
+  return ReplyMessage{
+      .kind = answer.came ? ReplyKind::kMissing : ReplyKind::kLater,
+      .problem = fmt::format("{} {}", what == "par" ? "its parameters" : "its inputs",
+                             answer.came ? "are not on the server" : "could not be read there")};
 }
 
 /// Within the reply where they fit.
 void WorkerLink::store_outputs(const Job& job, ReplyMessage& reply) {
-  const Bytes& bytes = std::get<Bytes>(reply.outputs);
+  const Bytes& bytes = reply.outputs.bytes;
   if (bytes.size() <= connection_->chunk_bytes()) return;
-  const std::uint32_t chunk = connection_->blob_chunk_bytes();
+  const Blob blob{digest_of(bytes), bytes.size(), connection_->blob_chunk_bytes()};
   const std::string name = fmt::format("{}-{}", job.message.task.hex(), job.message.send);
-  const std::string problem = put_blob(*connection_, blob_subject(job.robot, "out", name), bytes,
-                                       chunk, [&] { return stopping_ || job.unwanted; });
+  const std::string problem = put_blob(*connection_, blob_subject(job.robot, "out", name), blob,
+                                       bytes, [&] { return stopping_ || job.unwanted; });
+  reply.outputs = {{}, blob};
   if (!problem.empty()) {
-    reply.kind = ReplyKind::kLater;
-    reply.problem = "its outputs could not be stored: " + problem;
+    reply = {.kind = ReplyKind::kLater, .problem = "its outputs could not be stored: " + problem};
   }
-  reply.outputs =
-      problem.empty() ? Payload(Blob{digest_of(bytes), bytes.size(), chunk}) : Payload();
 }
 
 bool WorkerLink::say(const Job& job, ReplyMessage reply) {

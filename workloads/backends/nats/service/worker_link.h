@@ -4,6 +4,8 @@
 // A thread claims, says that tasks are computed, and that the worker lives; one a slot computes.
 // What is computed comes from the list of workloads that it was given: no code, no path, no size
 // comes from the wire. Nothing is kept of a robot but what its tasks that are computed need.
+// Commands start it with serve(). In a build without the backend that, administer(), permissions()
+// and the functions of computer.h each say so.
 #pragma once
 
 #include <array>
@@ -21,7 +23,7 @@
 #include <thread>
 #include <vector>
 
-#include "workloads/backends/nats/link/connection.h"
+#include "workloads/backends/nats/link/administration.h"
 #include "workloads/backends/nats/service/computer.h"
 #include "workloads/backends/nats/service/desk.h"
 
@@ -79,10 +81,11 @@ class WorkerLink {
 
   void serve(const std::stop_token& stop);
   void compute(const std::stop_token& stop, int slot);
-  void run(Computer& computer, Job& job, ReplyMessage& reply);
-  [[nodiscard]] std::optional<Bytes> fetch(const Job& job, std::string_view what,
-                                           const std::string& name, const Blob& blob,
-                                           ReplyMessage& reply);
+  [[nodiscard]] ReplyMessage run(Computer& computer, Job& job);
+  /// @return  Why it is not there, or could not be read; none = @p bytes are what was stored.
+  [[nodiscard]] std::optional<ReplyMessage> fetch(const Job& job, std::string_view what,
+                                                  const std::string& name, const Blob& blob,
+                                                  Bytes& bytes);
   void store_outputs(const Job& job, ReplyMessage& reply);
   void finish(const std::shared_ptr<Job>& job, ReplyMessage reply, bool gone);
   bool say(const Job& job, ReplyMessage reply);
@@ -114,5 +117,17 @@ class WorkerLink {
   std::jthread server_;
   std::unique_ptr<Connection> connection_;  ///< Last: its handlers use the rest.
 };
+
+/// What a worker tells of itself while it runs.
+struct ServiceEvents {
+  std::function<bool()> stop;                   ///< Looked at several times a second.
+  std::function<void(const std::string&)> say;  ///< One line.
+};
+
+/// Runs a worker until it is told to stop. Makes the stream of robot "robot", where it may.
+/// @throws Error{kEnvironment} in a build without the backend, and where the server can never
+/// serve; as WorkerLink.
+void serve(const WorkerOptions& options, std::span<const Workload* const> workloads,
+           const ServiceEvents& events);
 
 }  // namespace pirt::cloud

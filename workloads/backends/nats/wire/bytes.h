@@ -4,7 +4,7 @@
 
 #include <fmt/core.h>
 
-#include <array>
+#include <algorithm>
 #include <cstring>
 #include <string_view>
 #include <type_traits>
@@ -37,26 +37,20 @@ class Writer {
   template <typename T>
   requires std::is_integral_v<T>
   void value(T number) {
-    std::array<std::byte, sizeof number> little;
-    std::memcpy(little.data(), &number, sizeof number);  // tensors.cpp asserts the order
-    raw(little);
+    raw(std::as_bytes(std::span(&number, 1)));  // tensors.cpp asserts the order
   }
   template <typename T>
   requires std::is_enum_v<T>
   void value(T kind) { value(static_cast<std::underlying_type_t<T>>(kind)); }
-  void value(std::string_view text) {
-    text = text.substr(0, kMostText);
-    value(static_cast<std::uint32_t>(text.size()));
-    raw(std::as_bytes(std::span(text)));
+  void value(const std::string& text) {
+    const std::size_t size = std::min(text.size(), kMostText);
+    value(static_cast<std::uint32_t>(size));
+    raw(std::as_bytes(std::span(text)).first(size));
   }
-  void value(const std::string& text) { value(std::string_view(text)); }
   void value(const Digest& digest) { raw(std::as_bytes(std::span(digest.bytes))); }
   void value(Nanos time) { value(time.count()); }
   void value(const Blob& blob) { (*this)(blob.digest, blob.size_bytes, blob.chunk_bytes); }
-  void value(const Payload& payload) {
-    value(static_cast<std::uint8_t>(payload.index()));
-    if (const auto* const blob = std::get_if<Blob>(&payload)) return value(*blob);
-    const Bytes& bytes = std::get<Bytes>(payload);
+  void value(const Bytes& bytes) {
     value(std::uint64_t{bytes.size()});
     raw(bytes);
   }
@@ -148,18 +142,9 @@ class Reader {
     fail("a duration that is negative, or of years");
     time = Nanos::zero();
   }
-  void value(Payload& payload) {
-    switch (number<std::uint8_t>()) {
-      case 0: {
-        const ByteView bytes = raw(number<std::uint64_t>(), "a payload");
-        payload = Bytes(bytes.begin(), bytes.end());
-        return;
-      }
-      case 1:
-        return value(payload.emplace<Blob>());
-      default:
-        fail("an unknown kind of payload");
-    }
+  void value(Bytes& bytes) {
+    const ByteView read = raw(number<std::uint64_t>(), "a payload");
+    bytes.assign(read.begin(), read.end());
   }
   template <typename T>
   void value(std::optional<T>& field) {

@@ -17,24 +17,6 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "tensors travel as they lie in memory");
 
-/// What a tensor's entry says, with its bytes.
-struct Entry {
-  std::int64_t rows = 0;
-  ByteView bytes;
-};
-
-Entry read_entry(Reader& in, const TensorSpec& spec) {
-  Entry entry{.rows = in.number<std::int64_t>(), .bytes = {}};
-  const std::int64_t capacity = spec.shape.empty() ? 1 : spec.shape[0];
-  const bool fits =
-      entry.rows == capacity || (spec.varies && entry.rows >= 0 && entry.rows < capacity);
-  if (in.ok() && !fits) in.fail(fmt::format("{} rows for {}", entry.rows, spec.describe()));
-  if (!in.ok()) return entry;
-  const std::int64_t row_bytes = spec.size_bytes() / capacity;
-  entry.bytes = in.raw(static_cast<std::uint64_t>(entry.rows * row_bytes), spec.name);
-  return entry;
-}
-
 void add_specs(Writer& out, std::span<const TensorSpec> specs) {
   out(static_cast<std::uint32_t>(specs.size()));
   for (const TensorSpec& spec : specs) out(spec.element, spec.varies, spec.shape);
@@ -69,22 +51,28 @@ Decoded<std::vector<Tensor>> decode_tensors(ByteView bytes, std::span<const Tens
 }
 
 std::string decode_tensors_into(ByteView bytes, std::span<Tensor> tensors) {
-  Reader in(bytes);
-  const auto count = in.number<std::uint32_t>();
-  if (in.ok() && count != tensors.size()) {
-    in.fail(fmt::format("{} tensors, and {} are expected", count, tensors.size()));
+  for (const bool copies : {false, true}) {  // Once all of it fits.
+    Reader in(bytes);
+    const auto count = in.number<std::uint32_t>();
+    if (count != tensors.size()) {
+      in.fail(fmt::format("{} tensors, and {} are expected", count, tensors.size()));
+    }
+    for (Tensor& tensor : tensors) {
+      const TensorSpec& spec = tensor.spec();
+      const std::int64_t capacity = spec.shape.empty() ? 1 : spec.shape[0];
+      const auto rows = in.number<std::int64_t>();
+      const bool fits = rows == capacity || (spec.varies && rows >= 0 && rows < capacity);
+      if (!fits) in.fail(fmt::format("{} rows for {}", rows, spec.describe()));
+      if (!in.ok()) break;
+      const std::int64_t size = rows * (spec.size_bytes() / capacity);
+      const ByteView data = in.raw(static_cast<std::uint64_t>(size), spec.name);
+      if (!copies) continue;
+      if (spec.varies) tensor.set_rows(rows);
+      if (!data.empty()) std::memcpy(tensor.data(), data.data(), data.size());
+    }
+    if (std::string problem = in.finish(); !problem.empty()) return problem;
   }
-  std::vector<Entry> entries;
-  for (std::size_t i = 0; i < tensors.size() && in.ok(); ++i) {
-    entries.push_back(read_entry(in, tensors[i].spec()));
-  }
-  std::string problem = in.finish();
-  for (std::size_t i = 0; i < tensors.size() && problem.empty(); ++i) {
-    const auto& [rows, data] = entries[i];
-    if (tensors[i].spec().varies) tensors[i].set_rows(rows);
-    if (!data.empty()) std::memcpy(tensors[i].data(), data.data(), data.size());
-  }
-  return problem;
+  return "";
 }
 
 Digest spec_digest(const Workload& workload) {

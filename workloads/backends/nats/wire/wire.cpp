@@ -21,6 +21,10 @@ concept As = std::same_as<std::remove_const_t<T>, Of>;
 
 // What each message has, in its order on the wire.
 void fields(auto& all, As<TaskId> auto& id) { all(id.run, id.number); }
+void fields(auto& all, As<Payload> auto& payload) {
+  all(payload.blob);
+  if (!payload.blob) all(payload.bytes);
+}
 void fields(auto& all, As<OfferMessage> auto& offer) { all(offer.run, offer.waiting); }
 void fields(auto& all, As<ClaimMessage> auto& claim) { all(claim.run, claim.worker); }
 void fields(auto& all, As<TaskMessage> auto& task) {
@@ -47,27 +51,9 @@ ByteView checksum(const Digest& digest) {
   return std::as_bytes(std::span(digest.bytes)).first(kChecksumBytes);
 }
 
-/// The message of the number that a frame says.
-template <std::size_t kIndex = 0>
-Message read_message(std::uint8_t kind, Reader& in) {
-  if constexpr (kIndex < std::variant_size_v<Message>) {
-    if (kind != kIndex) return read_message<kIndex + 1>(kind, in);
-    std::variant_alternative_t<kIndex, Message> message;
-    in(message);
-    return message;
-  } else {
-    in.fail(fmt::format("frame of unknown kind {}", kind));
-    return {};
-  }
-}
-
 }  // namespace
 
-std::string Digest::hex() const {
-  std::string text;
-  for (const std::uint8_t byte : bytes) text += fmt::format("{:02x}", byte);
-  return text;
-}
+std::string Digest::hex() const { return fmt::format("{:02x}", fmt::join(bytes, "")); }
 
 Digest digest_of(ByteView bytes) {
   Digest digest;
@@ -82,19 +68,18 @@ Digest digest_of(ByteView bytes) {
 
 std::string TaskId::hex() const { return fmt::format("{:016x}{:016x}", run, number); }
 
-Bytes encode(const Message& message) {
-  Writer body;
-  std::visit([&](const auto& each) { body(each); }, message);
-  const Bytes bytes = body.take();
+template <typename T>
+Bytes encode(const T& message) {
+  const Bytes bytes = Writer()(message).take();
   Writer frame;
   frame.reserve(kHeaderBytes + bytes.size());
   frame.raw(std::as_bytes(std::span(kMagic)));
-  frame(kProtocol, static_cast<std::uint8_t>(message.index()), std::uint8_t{0},
-        std::uint64_t{bytes.size()});
+  frame(kProtocol, T::kKind, std::uint8_t{0}, std::uint64_t{bytes.size()});
   return frame.raw(checksum(digest_of(bytes))).raw(bytes).take();
 }
 
-Decoded<Message> decode(ByteView frame) {
+template <typename T>
+Decoded<T> decode_as(ByteView frame) {
   Reader in(frame);
   const ByteView magic = in.raw(kMagic.size(), "the beginning");
   if (!in.ok() || std::memcmp(magic.data(), kMagic.data(), kMagic.size()) != 0) {
@@ -114,10 +99,29 @@ Decoded<Message> decode(ByteView frame) {
   if (std::string problem = in.finish(); !problem.empty()) return {std::nullopt, problem};
   if (!std::ranges::equal(sum, checksum(digest_of(body)))) return {std::nullopt, "damaged"};
   Reader inside(body);
-  Message message = read_message(kind, inside);
+  T message;
+  if (kind == T::kKind) {
+    inside(message);
+  } else {
+    inside.fail(kind > HelloMessage::kKind ? fmt::format("frame of unknown kind {}", kind)
+                                           : "a message of another kind");
+  }
   std::string problem = inside.finish();
   if (!problem.empty()) return {std::nullopt, std::move(problem)};
   return {std::move(message), ""};
 }
+
+template Bytes encode(const OfferMessage&);
+template Bytes encode(const ClaimMessage&);
+template Bytes encode(const TaskMessage&);
+template Bytes encode(const ReplyMessage&);
+template Bytes encode(const CancelMessage&);
+template Bytes encode(const HelloMessage&);
+template Decoded<OfferMessage> decode_as(ByteView);
+template Decoded<ClaimMessage> decode_as(ByteView);
+template Decoded<TaskMessage> decode_as(ByteView);
+template Decoded<ReplyMessage> decode_as(ByteView);
+template Decoded<CancelMessage> decode_as(ByteView);
+template Decoded<HelloMessage> decode_as(ByteView);
 
 }  // namespace pirt::cloud

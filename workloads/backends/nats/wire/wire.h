@@ -15,7 +15,6 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "workloads/base/time.h"
@@ -65,23 +64,33 @@ inline constexpr std::uint64_t kMostBlobBytes = std::uint64_t{1} << 32;
 inline constexpr std::uint32_t kLeastChunkBytes = 32 << 10;
 
 /// What a frame carries where it fits, and else where it lies.
-using Payload = std::variant<Bytes, Blob>;
+struct Payload {
+  Bytes bytes = {};
+  std::optional<Blob> blob = {};
+
+  [[nodiscard]] std::uint64_t size_bytes() const { return blob ? blob->size_bytes : bytes.size(); }
+};
+
+// Each message has its kind, as the frame says it.
 
 /// How many tasks a run of a robot's program has waiting: a worker may ask for one. Robots are told
 /// by the subject, which the server vouches for.
 struct OfferMessage {
+  static constexpr std::uint8_t kKind = 0;
   std::uint64_t run = 0;
   std::uint32_t waiting = 0;
 };
 
 /// A worker asks a robot for its next task.
 struct ClaimMessage {
+  static constexpr std::uint8_t kKind = 1;
   std::uint64_t run = 0;
   std::uint64_t worker = 0;  ///< Its instance.
 };
 
 /// What a robot gives it: all that is to be computed, and the sizes of it first.
 struct TaskMessage {
+  static constexpr std::uint8_t kKind = 2;
   TaskId task = {};
   std::uint32_t send = 1;               ///< How often it was handed out, this time included.
   std::uint32_t waiting = 0;            ///< As OfferMessage, without this one.
@@ -106,6 +115,7 @@ enum class ReplyKind : std::uint8_t {
 };
 
 struct ReplyMessage {
+  static constexpr std::uint8_t kKind = 3;
   TaskId task = {};
   std::uint32_t send = 1;
   ReplyKind kind = ReplyKind::kDone;
@@ -117,11 +127,13 @@ struct ReplyMessage {
 
 /// The robot does not want it any more.
 struct CancelMessage {
+  static constexpr std::uint8_t kKind = 4;
   TaskId task = {};
 };
 
 /// What a worker can do. Said every few seconds: who says it lives.
 struct HelloMessage {
+  static constexpr std::uint8_t kKind = 5;
   struct Known {
     std::string workload = {};
     Digest spec = {};
@@ -133,26 +145,17 @@ struct HelloMessage {
   std::vector<Known> workloads = {};
 };
 
-using Message = std::variant<OfferMessage, ClaimMessage, TaskMessage, ReplyMessage, CancelMessage,
-                             HelloMessage>;
-
-[[nodiscard]] Bytes encode(const Message& message);
-
 /// What was read, or why not.
 template <typename T>
 struct Decoded {
   std::optional<T> value;
   std::string problem;  ///< One line; empty if there is a value.
 };
-[[nodiscard]] Decoded<Message> decode(ByteView frame);
-/// The same where another kind of message is a problem.
+
+/// @param message  One of those above.
 template <typename T>
-[[nodiscard]] Decoded<T> decode_as(ByteView frame) {
-  auto decoded = decode(frame);
-  if (!decoded.value) return {std::nullopt, std::move(decoded.problem)};
-  auto* const message = std::get_if<T>(&*decoded.value);
-  if (message == nullptr) return {std::nullopt, "a message of another kind"};
-  return {std::move(*message), ""};
-}
+[[nodiscard]] Bytes encode(const T& message);
+template <typename T>
+[[nodiscard]] Decoded<T> decode_as(ByteView frame);
 
 }  // namespace pirt::cloud

@@ -1,18 +1,16 @@
-#include "workloads/backends/nats/service/cloud_service.h"
-
 #include <fmt/core.h>
 
 #include <chrono>
 #include <thread>
 #include <utility>
 
+#include "workloads/backends/nats/service/worker_link.h"
 #include "workloads/base/error.h"
 
 namespace pirt::cloud {
 namespace {
 
 constexpr Nanos kLook = std::chrono::milliseconds(100);
-constexpr Nanos kPatience = std::chrono::seconds(5);
 constexpr Nanos kSettling = std::chrono::seconds(1);  ///< Of a link that came or went.
 constexpr Nanos kQuiet = std::chrono::seconds(5);     ///< Between what robots do wrong.
 
@@ -78,15 +76,6 @@ void serve(const WorkerOptions& options, std::span<const Workload* const> worklo
     std::this_thread::sleep_for(kLook);
   }
   events.say(counted(worker.counts()));
-}
-
-std::vector<std::string> administer(const ConnectionOptions& options, const Setup& setup) {
-  Connection connection(options, {});
-  if (!connection.wait_until_up(kPatience)) {
-    throw_environment("no connection to server " + public_url(options.server) + ": " +
-                      connection.why_down());
-  }
-  return set_up(connection, setup);
 }
 
 }  // namespace pirt::cloud
