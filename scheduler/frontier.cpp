@@ -17,7 +17,6 @@ constexpr int kInFlight = 8;  ///< Frames, at most.
 ModeRuns run_frontier(const Platform& platform, const Profile* profile, const Mix& mix,
                       const std::vector<std::string>& modes, const ScheduleOptions& options) {
   ScheduleOptions plain = options;
-  plain.objective.reset();
   plain.min_rate_per_ms.reset();
   ModeRuns runs = run_modes(platform, profile, mix, modes, plain.without_budget());
   const auto add = [&](ScheduleOptions with, Objective objective) {

@@ -257,16 +257,18 @@ RunFigures as_whole(RunFigures redrawn, const RunFigures& part, const RunFigures
 
 RunRecord run_with_intervals(const Platform& platform, const Profile* profile, const Mix& mix,
                              const ScheduleOptions& options) {
-  RunRecord record = run_virtual(platform, profile, mix, options);
+  std::optional<PlannedBudget> planned;  // By the medians, and once of each length.
+  RunRecord record = run_virtual(platform, profile, mix, options, &planned);
   if (!record.uncertain || options.trace) return record;
   Mix part = mix;
   ScheduleOptions redrawn = options;
   shorten(record.submitted, options.duration.value_or(kDefaultDuration), redrawn, part);
   const RunFigures whole = figures_of(record);
-  const RunFigures of_part = record.submitted <= kMostRedrawnTasks
-                                 ? whole
-                                 : figures_of(run_virtual(platform, profile, part, redrawn));
-  std::optional<PlannedBudget> planned;  // By the medians, and once.
+  RunFigures of_part = whole;
+  if (record.submitted > kMostRedrawnTasks) {
+    planned.reset();
+    of_part = figures_of(run_virtual(platform, profile, part, redrawn, &planned));
+  }
   for (int i = 0; i < kRedraws; ++i) {
     redrawn.redraw = Redraw{.number = i};
     const auto figures = figures_of(run_virtual(platform, profile, part, redrawn, &planned));

@@ -132,10 +132,7 @@ class Search {
     if (change_.kind == WhatIfChange::Kind::kPowerCap) cap_w = value;
     if (budgets) options.power_cap_w = cap_w;
     if (cap_w && above_idle_j(platform_, *cap_w) < 0) {
-      return Breakage{.pipeline = "",
-                      .unit = "",
-                      .resource = "power",
-                      .what = infeasible_cap(platform_, *cap_w)};
+      return Breakage{.resource = "power", .what = infeasible_cap(platform_, *cap_w)};
     }
     const RunRecord run = run_virtual(platform_, profile_, mix, options);
     if (cap_w && !run.energy_j) {
@@ -208,8 +205,6 @@ std::optional<Breakage> breakage_of(const RunRecord& run, const Mix& mix,
   }
   if (run.stalled > 0) {
     return Breakage{
-        .pipeline = "",
-        .unit = "",
         .resource = power_cap_w ? "power" : "a unit that may begin them",
         .what = fmt::format("{} of {} tasks are never begun", run.stalled, run.submitted)};
   }
@@ -218,8 +213,7 @@ std::optional<Breakage> breakage_of(const RunRecord& run, const Mix& mix,
   }
   const auto hungriest = std::ranges::max_element(
       run.units, {}, [](const UnitResult& unit) { return unit.energy_j.value_or(0); });
-  return Breakage{.pipeline = "",
-                  .unit = hungriest->unit,
+  return Breakage{.unit = hungriest->unit,
                   .resource = "power",
                   .what = fmt::format("the fullest second draws {:.3g} W", *run.power_highest_w)};
 }

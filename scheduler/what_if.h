@@ -17,10 +17,10 @@ namespace pirt {
 /// Why a run does not keep what the mix wants: the pipeline that is worst off, the busiest unit
 /// that served it, and what there was too little of.
 struct Breakage {
-  std::string pipeline;
-  std::string unit;      ///< Empty if none served it.
-  std::string resource;  ///< "image buffers", "power", "time of the unit", "its turn ...".
-  std::string what;      ///< "31 of 1500 late", "rate 18.5 of 25 Hz".
+  std::string pipeline = {};  ///< Empty where it is none of one pipeline.
+  std::string unit = {};      ///< Empty if none served it.
+  std::string resource;       ///< "image buffers", "power", "time of the unit", "its turn ...".
+  std::string what;           ///< "31 of 1500 late", "rate 18.5 of 25 Hz".
 };
 
 /// Absent if the run keeps up (record/keeping_up.h), and no second draws more than the cap.

@@ -5,6 +5,7 @@
 #include <tuple>
 #include <utility>
 
+#include "scheduler/bounds/groups.h"
 #include "scheduler/bounds/linear_program.h"
 #include "scheduler/services/eligibility.h"
 
@@ -26,31 +27,6 @@ UnitWork unit_work(const Scenario& run, const CallPlan& call, UnitId unit, Taken
   return work;
 }
 
-/// Tasks of a pipeline that some solution treats alike, since their average is one as good: of a
-/// graph of many tasks the programmes have few such.
-struct Group {
-  std::size_t pipeline = 0;
-  const std::vector<UnitWork>* units = nullptr;
-  double tasks = 1;
-  std::vector<std::size_t> after = {};  ///< Groups; only of what by_order makes.
-  int first = 0;                        ///< Variable: what each task has on the first unit.
-
-  /// What each task has on all units together.
-  void add_whole(double coefficient, Terms& terms) const {
-    for (std::size_t i = 0; i < units->size(); ++i) {
-      terms.emplace_back(first + static_cast<int>(i), coefficient);
-    }
-  }
-};
-
-void number_variables(std::vector<Group>& groups) {
-  int next = 0;
-  for (Group& group : groups) {
-    group.first = next;
-    next += static_cast<int>(group.units->size());
-  }
-}
-
 /// By task: tasks that ask the same of the same units have one number.
 std::vector<std::size_t> kinds_of(const PipelineWork& pipeline) {
   std::vector<std::size_t> kinds;
@@ -68,8 +44,8 @@ std::vector<std::size_t> kinds_of(const PipelineWork& pipeline) {
 }
 
 /// Where the order of tasks costs nothing: those of one kind.
-std::vector<Group> by_kind(const Work& work) {
-  std::vector<Group> groups;
+std::vector<TaskGroup> by_kind(const Work& work) {
+  std::vector<TaskGroup> groups;
   for (std::size_t p = 0; p < work.pipelines.size(); ++p) {
     const std::size_t begin = groups.size();
     const std::vector<std::size_t> kinds = kinds_of(work.pipelines[p]);
@@ -94,8 +70,8 @@ void sort_unique(std::vector<std::size_t>& values) {
 
 /// Where no task may be done more often than those that it comes after. Of one kind and alike are
 /// links of a chain without branches, and then what comes after the same and before the same.
-std::vector<Group> by_order(const Work& work) {
-  std::vector<Group> groups;
+std::vector<TaskGroup> by_order(const Work& work) {
+  std::vector<TaskGroup> groups;
   for (std::size_t p = 0; p < work.pipelines.size(); ++p) {
     const auto& tasks = work.pipelines[p].tasks;
     const std::vector<std::size_t> kinds = kinds_of(work.pipelines[p]);
@@ -145,17 +121,30 @@ std::vector<Group> by_order(const Work& work) {
   return groups;
 }
 
-template <typename Function>
-void for_each_choice(const std::vector<Group>& groups, const Function& function) {
-  for (const Group& group : groups) {
-    int variable = group.first;
-    for (const UnitWork& choice : *group.units) function(group, choice, variable++);
+/// Each task of a pipeline with firings is done once a firing, in parts on the units; most often
+/// all of it where it is fastest.
+void add_completeness(const std::vector<TaskGroup>& groups, LinearProgram& program) {
+  for (const TaskGroup& group : groups) {
+    Terms terms;
+    group.add_whole(1.0, terms);
+    const auto best =
+        std::ranges::min_element(*group.units, {}, &UnitWork::total_ms) - group.units->begin();
+    const int guess = terms[static_cast<std::size_t>(best)].first;
+    program.add_row(std::move(terms), 1.0, 1.0, guess);
   }
 }
 
-/// Server time and slots of each unit: at most its own. @p amount is what a variable of 1 stands
-/// for in that pipeline, of each task.
-void add_capacity(const Work& work, const std::vector<Group>& groups,
+}  // namespace
+
+void number_variables(std::vector<TaskGroup>& groups) {
+  int next = 0;
+  for (TaskGroup& group : groups) {
+    group.first = next;
+    next += static_cast<int>(group.units->size());
+  }
+}
+
+void add_capacity(const Work& work, const std::vector<TaskGroup>& groups,
                   const std::vector<double>& amount, double time_ms, const Terms& slack,
                   LinearProgram& program) {
   for (UnitId unit = 0; unit < work.units.size(); ++unit) {
@@ -163,7 +152,7 @@ void add_capacity(const Work& work, const std::vector<Group>& groups,
     Terms held = slack;
     for (auto& term : busy) term.second *= work.units[unit].servers;
     for (auto& term : held) term.second *= work.units[unit].slots.value_or(0);
-    for_each_choice(groups, [&](const Group& group, const UnitWork& choice, int variable) {
+    for_each_choice(groups, [&](const TaskGroup& group, const UnitWork& choice, int variable) {
       const double calls = amount[group.pipeline] * group.tasks;
       if (choice.server_ms[unit] > 0) busy.emplace_back(variable, calls * choice.server_ms[unit]);
       if (choice.unit == unit) held.emplace_back(variable, calls * choice.total_ms);
@@ -176,21 +165,6 @@ void add_capacity(const Work& work, const std::vector<Group>& groups,
     }
   }
 }
-
-/// Each task of a pipeline with firings is done once a firing, in parts on the units; most often
-/// all of it where it is fastest.
-void add_completeness(const std::vector<Group>& groups, LinearProgram& program) {
-  for (const Group& group : groups) {
-    Terms terms;
-    group.add_whole(1.0, terms);
-    const auto best =
-        std::ranges::min_element(*group.units, {}, &UnitWork::total_ms) - group.units->begin();
-    const int guess = terms[static_cast<std::size_t>(best)].first;
-    program.add_row(std::move(terms), 1.0, 1.0, guess);
-  }
-}
-
-}  // namespace
 
 Work work_of(const Scenario& run, CloudUse cloud_use, Taken taken) {
   Work work;
@@ -226,12 +200,12 @@ Work work_of(const Scenario& run, CloudUse cloud_use, Taken taken) {
 }
 
 std::optional<double> most_tasks_per_ms(const Work& work) {
-  const std::vector<Group> groups = by_order(work);
+  const std::vector<TaskGroup> groups = by_order(work);
   LinearProgram program;
-  for_each_choice(groups, [&](const Group& group, const UnitWork&, int) {
+  for_each_choice(groups, [&](const TaskGroup& group, const UnitWork&, int) {
     program.add_variable(-group.tasks);
   });
-  for (const Group& group : groups) {
+  for (const TaskGroup& group : groups) {
     Terms own;
     group.add_whole(1.0, own);
     const auto& per_ms = work.pipelines[group.pipeline].per_ms;
@@ -249,10 +223,10 @@ std::optional<double> most_tasks_per_ms(const Work& work) {
 
 std::optional<double> least_energy_j(const Work& work, const std::vector<double>& firings,
                                      double makespan_ms) {
-  const std::vector<Group> groups = by_kind(work);
+  const std::vector<TaskGroup> groups = by_kind(work);
   LinearProgram program;
   bool known = true;
-  for_each_choice(groups, [&](const Group& group, const UnitWork& choice, int) {
+  for_each_choice(groups, [&](const TaskGroup& group, const UnitWork& choice, int) {
     known = known && choice.energy_j;
     program.add_variable(firings[group.pipeline] * group.tasks * choice.energy_j.value_or(0));
   });
@@ -264,9 +238,10 @@ std::optional<double> least_energy_j(const Work& work, const std::vector<double>
 }
 
 std::optional<double> area_ms(const Work& work, const std::vector<double>& firings) {
-  const std::vector<Group> groups = by_kind(work);
+  const std::vector<TaskGroup> groups = by_kind(work);
   LinearProgram program;
-  for_each_choice(groups, [&](const Group&, const UnitWork&, int) { program.add_variable(0.0); });
+  for_each_choice(groups,
+                  [&](const TaskGroup&, const UnitWork&, int) { program.add_variable(0.0); });
   const int time = program.add_variable(1.0);
   add_completeness(groups, program);
   add_capacity(work, groups, firings, 0.0, {{time, -1.0}}, program);

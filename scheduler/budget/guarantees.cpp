@@ -7,7 +7,6 @@
 #include <functional>
 #include <iterator>
 #include <set>
-#include <utility>
 
 namespace pirt {
 namespace {
@@ -55,18 +54,18 @@ class Analysis {
         }
       }
     }
+    obstacles_ = all_obstacles();
+    std::erase_if(all_, [&](const Analysed& each) { return !obstacles_[each.pipeline].empty(); });
   }
 
   std::vector<Guarantee> run() {
     std::vector<Guarantee> results(scenario_.mix.pipelines.size());
-    const auto obstacles = all_obstacles();
-    const auto all = take_analysable(obstacles);
     for (std::size_t p = 0; p < results.size(); ++p) {
       if (!is_periodic(p)) continue;
-      results[p].not_analysed = obstacles[p];
-      results[p].analysed = obstacles[p].empty();
+      results[p].not_analysed = obstacles_[p];
+      results[p].analysed = obstacles_[p].empty();
       if (!results[p].analysed) continue;
-      tasks_ = together_with(p, all);
+      tasks_ = together_with(p);
       if (const auto responses = settled_responses()) results[p].response = (*responses)[p];
     }
     return results;
@@ -74,16 +73,15 @@ class Analysis {
 
   /// Sets how long others may hold the units of @p plan's tasks.
   void protect(BudgetPlan& plan) {
-    const auto all = take_analysable(all_obstacles());
-    for (const Analysed& each : all) {  // Their units serve one call at a time here.
+    for (const Analysed& each : all_) {  // Their units serve one call at a time here.
       for (BudgetPlan::Task& task : plan.tasks) {
         task.capacity[each.unit] = std::min(task.capacity[each.unit], 1);
       }
     }
     std::vector<bool> done(plan.tasks.size(), false);
-    for (const Analysed& first : all) {
+    for (const Analysed& first : all_) {
       if (done[first.entry]) continue;
-      tasks_ = together_with(first.pipeline, all);
+      tasks_ = together_with(first.pipeline);
       for (const Analysed& each : tasks_) done[each.entry] = true;
       if (!share_slack()) continue;
       // Of those that keep no deadline, too: others count on how late they are.
@@ -96,11 +94,6 @@ class Analysis {
   }
 
  private:
-  std::vector<Analysed> take_analysable(const std::vector<std::string>& obstacles) {
-    std::erase_if(tasks_, [&](const Analysed& task) { return !obstacles[task.pipeline].empty(); });
-    return std::exchange(tasks_, {});
-  }
-
   /// As much of the time that guaranteed tasks have is left to others as no guarantee is lost by:
   /// any, or all that they have alone, half of that and so on. False where nothing is guaranteed.
   bool share_slack() {
@@ -136,21 +129,20 @@ class Analysis {
   }
 
   /// The tasks of the pipeline, of those that share a unit with it, and so on.
-  [[nodiscard]] static std::vector<Analysed> together_with(std::size_t pipeline,
-                                                           const std::vector<Analysed>& all) {
+  [[nodiscard]] std::vector<Analysed> together_with(std::size_t pipeline) const {
     std::set<std::size_t> pipelines = {pipeline};
     UnitMask units = 0;
     for (std::size_t known = 0; known != pipelines.size();) {
       known = pipelines.size();
-      for (const Analysed& task : all) {
+      for (const Analysed& task : all_) {
         if (pipelines.contains(task.pipeline)) units |= unit_bit(task.unit);
       }
-      for (const Analysed& task : all) {
+      for (const Analysed& task : all_) {
         if (contains(units, task.unit)) pipelines.insert(task.pipeline);
       }
     }
     std::vector<Analysed> tasks;
-    std::ranges::copy_if(all, std::back_inserter(tasks),
+    std::ranges::copy_if(all_, std::back_inserter(tasks),
                          [&](const Analysed& task) { return pipelines.contains(task.pipeline); });
     return tasks;
   }
@@ -223,16 +215,16 @@ class Analysis {
       return;
     }
     const auto& arrivals = plan_.pipelines[pipeline];
-    tasks_.push_back({.entry = entry,
-                      .pipeline = pipeline,
-                      .unit = unit,
-                      .period = period_of(arrivals),
-                      .takes = takes,
-                      .slice = task.slice_on(unit) + task.prepare[unit],
-                      .deadline = *arrivals.deadline,
-                      .slack = *arrivals.deadline - task.behind - takes,
-                      .tolerates = task.tolerates.value_or(kNoLimit),
-                      .late = arrivals.jitter});
+    all_.push_back({.entry = entry,
+                    .pipeline = pipeline,
+                    .unit = unit,
+                    .period = period_of(arrivals),
+                    .takes = takes,
+                    .slice = task.slice_on(unit) + task.prepare[unit],
+                    .deadline = *arrivals.deadline,
+                    .slack = *arrivals.deadline - task.behind - takes,
+                    .tolerates = task.tolerates.value_or(kNoLimit),
+                    .late = arrivals.jitter});
   }
 
   /// Why nothing can be said of the pipeline; empty if something can.
@@ -477,7 +469,9 @@ class Analysis {
   const Scenario& scenario_;
   const BudgetPlan& plan_;
   std::vector<std::set<std::uint32_t>> before_;  ///< By entry: those that it comes after.
-  std::vector<Analysed> tasks_;
+  std::vector<std::string> obstacles_;           ///< By pipeline: all_obstacles().
+  std::vector<Analysed> all_;                    ///< Of pipelines without one.
+  std::vector<Analysed> tasks_;                  ///< Of these, those that are looked at together.
   std::vector<bool> keeps_;    ///< By pipeline: its deadline, if others held no unit.
   std::vector<Other> others_;  ///< Calls of tasks without rate or deadline, on all their units.
 };

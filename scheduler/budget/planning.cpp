@@ -167,8 +167,7 @@ class Planning {
   /// Takes the choice if it is better than what there is.
   bool consider(BudgetChoice choice) {
     const TrialResult result = trial_.run(choice);
-    const bool takes = better(result, best_);
-    if (!takes) return false;
+    if (!better(result, best_)) return false;
     best_ = result;
     if (best_.misses == 0) least_ = std::min(least_, keys(best_, goals_)[kAim]);
     choice_ = std::move(choice);
@@ -337,11 +336,8 @@ std::vector<Candidate> candidates_of(const ModeSetup& setup, const ScheduleOptio
   const auto add_plan = [&](Objective objective, std::int64_t most_tasks) {
     Candidate each{"plan for " + std::string(to_string(objective)),
                    Planning(setup, options, objective, most_tasks).run()};
-    const auto same = [&each](const Candidate& other) {
-      return other.choice.plan == each.choice.plan &&
-             other.choice.in_flight == each.choice.in_flight;
-    };
-    if (std::ranges::any_of(candidates, same)) return;
+    const auto same = std::ranges::find(candidates, each.choice, &Candidate::choice);
+    if (same != candidates.end()) return;
     each.result = trial.run(each.choice);
     candidates.push_back(std::move(each));
   };
@@ -419,8 +415,7 @@ void follow(const PlannedBudget& planned, ModeSetup& setup) {
   setup.policy_setup.budget = planned.choice.plan;
   if (planned.follows != nullptr) {
     setup.policy_setup.follows = planned.follows;
-    setup.scenario.slices = false;
-    setup.scenario.services.keep_calls_whole();
+    setup.scenario.keep_calls_whole();
   }
   setup.policy = setup.mode.policy.make(setup.policy_setup);
 }

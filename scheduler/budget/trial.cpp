@@ -41,8 +41,8 @@ Trial::Trial(const ModeSetup& setup, double tasks, bool slices)
                              .in_flight = run.in_flight,
                              .duration = run.duration,
                              .seed = derive_seed(run.seed, "trial"),
-                             .slices = run.slices && slices});
-  if (!slices) scenario_->services.keep_calls_whole();
+                             .slices = run.slices});
+  if (!slices) scenario_->keep_calls_whole();
   if (mix_.open_loop()) {
     scenario_->duration = std::min(run.duration, from_s(std::min(tasks / task_rate(mix_), 60.0)));
   }

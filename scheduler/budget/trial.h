@@ -16,6 +16,7 @@ namespace pirt {
 struct BudgetChoice {
   BudgetPlan plan;
   std::vector<int> in_flight;  ///< By pipeline; 0 for open loops.
+  friend bool operator==(const BudgetChoice&, const BudgetChoice&) = default;
 };
 
 struct TrialResult {

@@ -35,7 +35,7 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
     const TaskState state = tasks_[slot].state;
     if (state != TaskState::kRunning && state != TaskState::kCancelled) return false;
     recalls_.forget(slot);  // It is back.
-    expire(Expire::kBeforeNow, out);
+    expire(now_, out);
     if (std::exchange(tasks_[slot].suspended, false)) {
       std::erase(units_[unit].suspended, slot);
       if (units_[unit].suspended.empty()) suspending_ &= ~unit_bit(unit);
@@ -76,7 +76,7 @@ bool Dispatcher::slice_ended(UnitId unit, TaskId task, Nanos now, Effects& out) 
     if (slot == kNoSlot || tasks_[slot].unit != unit || tasks_[slot].suspended) return false;
     const TaskState state = tasks_[slot].state;
     if (state != TaskState::kRunning && state != TaskState::kCancelled) return false;
-    expire(Expire::kBeforeNow, out);
+    expire(now_, out);
     note_urgent();
     suspend(slot, unit);
     if (let_in(unit, tasks_[slot].deadline, out)) {
@@ -92,7 +92,7 @@ bool Dispatcher::slice_ended(UnitId unit, TaskId task, Nanos now, Effects& out) 
 
 void Dispatcher::cancel(TaskId task, Nanos now, Effects& out) {
   take({.kind = DispatcherInput::Kind::kCancel, .task = task}, now, out, [&](DispatcherInput&) {
-    expire(Expire::kBeforeNow, out);
+    expire(now_, out);
     const TaskSlot slot = tasks_.find(task);
     if (slot != kNoSlot && tasks_[slot].state == TaskState::kRunning) {
       tasks_[slot].state = TaskState::kCancelled;
@@ -112,8 +112,7 @@ bool Dispatcher::set_unit(UnitId unit, UnitState state, Nanos now, Effects& out)
       .kind = DispatcherInput::Kind::kSetUnit, .unit = unit, .state = state};
   return take(input, now, out, [&](DispatcherInput&) {
     if (unit >= units_.size()) return false;
-    expire(Expire::kBeforeNow, out);
-    units_[unit].state = state;
+    expire(now_, out);
     up_ = state == UnitState::kUp ? up_ | unit_bit(unit) : up_ & ~unit_bit(unit);
     gone_ = state == UnitState::kGone ? gone_ | unit_bit(unit) : gone_ & ~unit_bit(unit);
     waiting_.set_up(up_);
@@ -128,7 +127,7 @@ bool Dispatcher::set_unit(UnitId unit, UnitState state, Nanos now, Effects& out)
 
 void Dispatcher::wake(Nanos now, Effects& out) {
   take({.kind = DispatcherInput::Kind::kWake}, now, out, [&](DispatcherInput&) {
-    expire(Expire::kByNow, out);
+    expire(later_by(now_, Nanos(1)), out);
     settle(out);
     return true;
   });
@@ -157,9 +156,8 @@ void Dispatcher::list_waiting(std::vector<int>& waiting) const {
 }
 
 std::optional<TaskState> Dispatcher::state(TaskId task) const {
-  const TaskSlot slot = tasks_.find(task);
-  if (slot == kNoSlot || tasks_[slot].state == TaskState::kEnded) return std::nullopt;
-  return tasks_[slot].state;
+  const TaskSlot slot = tasks_.find_live(task);
+  return slot == kNoSlot ? std::nullopt : std::optional(tasks_[slot].state);
 }
 
 /// The task waits for a unit from now on; place_held asks for it.
@@ -251,7 +249,7 @@ void Dispatcher::fill(UnitId id, Effects& out) {
 /// What runs there has changed, or its state.
 void Dispatcher::note_running(UnitId id) {
   const Unit& unit = units_[id];
-  const bool idle = unit.state == UnitState::kUp && unit.running < unit.slots;
+  const bool idle = contains(up_, id) && unit.running < unit.slots;
   idle_ = idle ? idle_ | unit_bit(id) : idle_ & ~unit_bit(id);
 }
 

@@ -160,7 +160,6 @@ class Dispatcher {
   struct Unit {
     int slots = 0;
     int running = 0;
-    UnitState state = UnitState::kUp;
     TaskList queue = {};
     std::set<ByDeadline> urgent = {};      ///< Those there with a deadline; once calls suspend.
     std::vector<TaskSlot> suspended = {};  ///< The innermost last.
@@ -179,7 +178,6 @@ class Dispatcher {
   void place_added(Effects& out);
   [[nodiscard]] bool are_sound(std::span<const Task> tasks) const;
   void link(TaskSlot slot, const Task& task);
-  void link_all(const Template& known);
   void bind(std::span<const Task> tasks);
   void drop_unmet(Effects& out);
   void give_back(TaskSlot slot, UnitId unit, Effects& out);
@@ -187,13 +185,11 @@ class Dispatcher {
   void fail_hopeless(Effects& out);
   void leave_gone(TaskSlot slot);
   void hand_on(UnitId unit);
-  enum class Expire : std::uint8_t { kBeforeNow, kByNow };
-  void expire(Expire which, Effects& out) {
-    if (expiries_.any() || recalls_.any()) expire_watched(which, out);
+  void expire(Nanos before, Effects& out) {
+    if (expiries_.any() || recalls_.any()) expire_watched(before, out);
   }
-  void expire_watched(Expire which, Effects& out);
+  void expire_watched(Nanos before, Effects& out);
   void take_back(TaskSlot slot, Effects& out);
-  [[nodiscard]] bool is_due(const Expiries& timers, Expire which) const;
   void settle(Effects& out);
   void take_news(Effects& out);
   void make_ready(TaskSlot slot, bool alone);

@@ -7,14 +7,10 @@
 
 namespace pirt {
 
-bool Dispatcher::is_due(const Expiries& timers, Expire which) const {
-  return timers.any() && (which == Expire::kByNow ? timers.next() <= now_ : timers.next() < now_);
-}
-
-/// Ends what should have started by now, or before now, and takes back what should have completed.
-void Dispatcher::expire_watched(Expire which, Effects& out) {
+/// Ends what should have started before that, and takes back what should have completed.
+void Dispatcher::expire_watched(Nanos before, Effects& out) {
   expiries_.tidy();
-  while (is_due(expiries_, which)) {
+  while (expiries_.next() < before) {
     const TaskSlot slot = expiries_.first();
     ++counts_.expired;
     out.ended.push_back({tasks_[slot].id, TaskEnd::kExpired});
@@ -24,7 +20,7 @@ void Dispatcher::expire_watched(Expire which, Effects& out) {
     expiries_.tidy();
   }
   recalls_.tidy();
-  while (is_due(recalls_, which)) {
+  while (recalls_.next() < before) {
     const TaskSlot slot = recalls_.first();
     recalls_.forget(slot);
     take_back(slot, out);

@@ -29,7 +29,7 @@ void Dispatcher::give_back(TaskSlot slot, UnitId unit, Effects& out) {
   waiting_.hold(slot);
   if (ties.recall) recalls_.watch(slot, ties.recall->at);
   if (ties.expires_at) expiries_.watch(slot, *ties.expires_at);
-  if (ties.recall || ties.expires_at) expire(Expire::kBeforeNow, out);
+  if (ties.recall || ties.expires_at) expire(now_, out);
 }
 
 /// From the units that it was to complete on by now, if others would take it.

@@ -47,7 +47,7 @@ void Dispatcher::place_added(Effects& out) {
     if (tasks_[each].state == TaskState::kWaiting) drop(each, TaskEnd::kDropped, out);
   }
   if (ties_.has_news()) drop_unmet(out);
-  expire(Expire::kBeforeNow, out);
+  expire(now_, out);
   const bool alone = added_.size() == 1;
   for (const TaskSlot each : added_) {
     if (tasks_[each].state == TaskState::kWaiting && tasks_[each].pending == 0) {
@@ -67,7 +67,11 @@ void Dispatcher::add(Slot firing, std::span<const Task> tasks, Template* known, 
     out.submitted.push_back(tasks_[added_.back()].id);
     if (known == nullptr) link(added_.back(), task);
   }
-  if (known != nullptr) link_all(*known);
+  if (known != nullptr) {
+    for (const auto& [before, behind] : known->after) {
+      tasks_.add_successor(added_[before], added_[behind]);
+    }
+  }
   bool binds = known != nullptr && known->binds;
   for (std::size_t i = 0; i < tasks.size(); ++i) {
     const Task& task = tasks[i];
@@ -138,20 +142,11 @@ void Dispatcher::link(TaskSlot slot, const Task& task) {
       doomed = true;
     } else {
       tasks_.add_successor(predecessor, slot);
-      ++tasks_[slot].pending;
     }
   };
   for (const TaskId id : task.after) follow(tasks_.find(id));
   for (const std::uint32_t position : task.after_own) follow(added_[position]);
   if (doomed) doomed_.push_back(slot);
-}
-
-/// As the template says, in the same order.
-void Dispatcher::link_all(const Template& known) {
-  for (const auto& [before, behind] : known.after) {
-    tasks_.add_successor(added_[before], added_[behind]);
-    ++tasks_[added_[behind]].pending;
-  }
 }
 
 }  // namespace pirt

@@ -45,11 +45,10 @@ bool Dispatcher::may_let_in(TaskSlot slot, UnitId unit, Nanos before) {
          });
 }
 
-/// Starts what waits for the unit, all of whose tasks are suspended, with the nearest deadline
-/// before
-/// @p before; false if nothing does, or the policy refuses it.
+/// Starts what waits for the unit, all of whose tasks are suspended, with the nearest deadline, if
+/// that is before @p before; false if nothing does, or the policy refuses it.
 bool Dispatcher::let_in(UnitId unit, Nanos before, Effects& out) {
-  if (units_[unit].state != UnitState::kUp) return false;
+  if (!contains(up_, unit)) return false;
   urgent_.clear();
   const auto consider = [&](TaskSlot slot) {
     if (may_let_in(slot, unit, before)) urgent_.push_back(slot);
@@ -60,12 +59,7 @@ bool Dispatcher::let_in(UnitId unit, Nanos before, Effects& out) {
     if (deadline >= before || !urgent_.empty()) break;
   }
   waiting_.visit_first_for(unit, consider);
-  std::ranges::sort(urgent_, [this](TaskSlot a, TaskSlot b) {
-    const TaskRecord& first = tasks_[a];
-    const TaskRecord& second = tasks_[b];
-    return first.deadline != second.deadline ? first.deadline < second.deadline
-                                             : first.sequence < second.sequence;
-  });
+  std::ranges::sort(urgent_, {}, [this](TaskSlot each) { return by_deadline(each); });
   for (const TaskSlot slot : urgent_) {
     if (!take_in(slot, unit)) continue;
     start(slot, unit, out);

@@ -161,8 +161,10 @@ class TaskStore {
     --firing.live;
   }
 
+  /// The successor waits for one task more.
   void add_successor(TaskSlot predecessor, TaskSlot successor) {
     add_edge(records_[predecessor].first_edge, successor);
+    ++records_[successor].pending;
   }
   [[nodiscard]] bool has_successors(TaskSlot slot) const {
     return records_[slot].first_edge != kNoSlot;
@@ -184,7 +186,7 @@ class TaskStore {
  private:
   struct Edge {
     TaskId successor = kNoTask;
-    std::uint32_t next = kNoSlot;
+    Slot next = kNoSlot;
   };
   struct FiringRecord {
     FiringId id = 0;
@@ -205,40 +207,30 @@ class TaskStore {
   }
 
   /// @param first  Of a list of edges, newest first.
-  void add_edge(std::uint32_t& first, TaskSlot successor) {
-    std::uint32_t edge = free_edge_;
-    if (edge == kNoSlot) {
-      edge = static_cast<std::uint32_t>(edges_.size());
-      edges_.emplace_back();
-    } else {
-      free_edge_ = edges_[edge].next;
-    }
+  void add_edge(Slot& first, TaskSlot successor) {
+    const Slot edge = edges_.take();
     edges_[edge] = {records_[successor].id, first};
     first = edge;
   }
 
-  void edges_from(std::uint32_t first, std::vector<TaskSlot>& out) const {
+  void edges_from(Slot first, std::vector<TaskSlot>& out) const {
     const auto begin = static_cast<std::ptrdiff_t>(out.size());
-    for (std::uint32_t e = first; e != kNoSlot; e = edges_[e].next) {
+    for (Slot e = first; e != kNoSlot; e = edges_[e].next) {
       const TaskSlot successor = find_live(edges_[e].successor);
       if (successor != kNoSlot) out.push_back(successor);
     }
     std::reverse(out.begin() + begin, out.end());
   }
 
-  void free_edges(std::uint32_t& first) {
-    for (std::uint32_t e = std::exchange(first, kNoSlot); e != kNoSlot;) {
-      const std::uint32_t next = edges_[e].next;
-      edges_[e].next = free_edge_;
-      free_edge_ = e;
-      e = next;
+  void free_edges(Slot& first) {
+    for (Slot e = std::exchange(first, kNoSlot); e != kNoSlot; e = edges_[e].next) {
+      edges_.give_back(e);
     }
   }
 
   SlotTable<TaskRecord> records_;
   std::vector<TaskTies> ties_;  ///< By slot, as far as there was need of them.
-  std::vector<Edge> edges_;
-  std::uint32_t free_edge_ = kNoSlot;
+  SlotTable<Edge> edges_;
   SlotTable<FiringRecord> firings_;
   std::uint32_t firing_number_ = 0;
 };

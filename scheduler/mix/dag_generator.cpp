@@ -40,8 +40,8 @@ void check(const DagParameters& parameters) {
   }
 }
 
-/// Positions of the tasks, level by level; no level is empty.
-std::vector<std::vector<int>> draw_levels(const DagParameters& parameters, Random& random) {
+/// Where each level begins among the tasks, and the last one ends; no level is empty.
+std::vector<std::size_t> draw_levels(const DagParameters& parameters, Random& random) {
   const double root = std::sqrt(parameters.tasks);
   const auto height =
       std::clamp(static_cast<int>(std::llround(root / parameters.shape)), 1, parameters.tasks);
@@ -49,59 +49,51 @@ std::vector<std::vector<int>> draw_levels(const DagParameters& parameters, Rando
   std::vector<double> bounds;
   double sum = 0;
   for (int level = 0; level < height; ++level) bounds.push_back(sum += random.uniform(0.5, 1.5));
-  std::vector<int> widths(static_cast<std::size_t>(height), 1);
+  std::vector<std::size_t> widths(static_cast<std::size_t>(height), 1);
   for (int more = parameters.tasks - height; more > 0; --more) {
     const double at = random.uniform(0, sum);
     const auto level = std::ranges::upper_bound(bounds, at) - bounds.begin();
     ++widths[static_cast<std::size_t>(std::min<std::ptrdiff_t>(level, height - 1))];
   }
-  std::vector<std::vector<int>> levels;
-  int task = 0;
-  for (const int width : widths) {
-    auto& level = levels.emplace_back();
-    for (int i = 0; i < width; ++i) level.push_back(task++);
-  }
+  std::vector<std::size_t> levels = {0};
+  for (const std::size_t width : widths) levels.push_back(levels.back() + width);
   return levels;
 }
 
 /// Predecessors by task, each list rising.
-using Predecessors = std::vector<std::set<int>>;
+using Predecessors = std::vector<std::set<std::size_t>>;
 
-Predecessors draw_edges(const DagParameters& parameters,
-                        const std::vector<std::vector<int>>& levels, Random& random) {
-  Predecessors after(static_cast<std::size_t>(parameters.tasks));
-  std::vector<int> degree(after.size(), 0);
-  const auto add = [&](int from, int to) {
-    if (after[static_cast<std::size_t>(to)].insert(from).second) {
-      ++degree[static_cast<std::size_t>(from)];
-    }
+Predecessors draw_edges(const DagParameters& parameters, const std::vector<std::size_t>& levels,
+                        Random& random) {
+  Predecessors after(levels.back());
+  std::vector<std::size_t> degree(after.size(), 0);
+  const auto add = [&](std::size_t from, std::size_t to) {
+    if (after[to].insert(from).second) ++degree[from];
   };
   // First a predecessor for each task, of those of the level before with the fewest edges.
-  for (std::size_t l = 1; l < levels.size(); ++l) {
-    for (const int task : levels[l]) {
-      const auto& above = levels[l - 1];
-      const auto first = static_cast<std::size_t>(random.below(above.size()));
-      int from = above[first];
-      for (std::size_t i = 1; i < above.size(); ++i) {
-        const int other = above[(first + i) % above.size()];
-        if (degree[static_cast<std::size_t>(other)] < degree[static_cast<std::size_t>(from)]) {
-          from = other;
-        }
+  for (std::size_t l = 1; l + 1 < levels.size(); ++l) {
+    const std::size_t above = levels[l - 1];
+    const std::size_t width = levels[l] - above;
+    for (std::size_t task = levels[l]; task < levels[l + 1]; ++task) {
+      const std::size_t first = random.below(width);
+      std::size_t from = above + first;
+      for (std::size_t i = 1; i < width; ++i) {
+        const std::size_t other = above + (first + i) % width;
+        if (degree[other] < degree[from]) from = other;
       }
       add(from, task);
     }
   }
   // Then up to out_degree: three of four edges to the next level, the others anywhere below.
-  for (std::size_t l = 0; l + 1 < levels.size(); ++l) {
-    const int below = levels[l + 1].front();
-    for (const int task : levels[l]) {
-      const int wanted =
-          1 + static_cast<int>(random.below(static_cast<std::uint64_t>(parameters.out_degree)));
+  for (std::size_t l = 0; l + 2 < levels.size(); ++l) {
+    const std::size_t below = levels[l + 1];
+    for (std::size_t task = levels[l]; task < below; ++task) {
+      const std::size_t wanted =
+          1 + random.below(static_cast<std::uint64_t>(parameters.out_degree));
       // A draw may hit an edge that there is; then the task has one fewer.
-      for (int more = wanted - degree[static_cast<std::size_t>(task)]; more > 0; --more) {
+      for (std::size_t edges = degree[task]; edges < wanted; ++edges) {
         const bool next = random.below(4) != 0;
-        const int end = next ? levels[l + 1].back() + 1 : parameters.tasks;
-        add(task, below + static_cast<int>(random.below(static_cast<std::uint64_t>(end - below))));
+        add(task, below + random.below((next ? levels[l + 2] : after.size()) - below));
       }
     }
   }
@@ -135,7 +127,7 @@ std::string generate_dag(const DagParameters& parameters) {
     }
     yaml += fmt::format("      - {{name: t{}, service_ms: {{{}}}", task + 1, join(services, ", "));
     std::vector<std::string> edges;
-    for (const int from : after[task]) {
+    for (const std::size_t from : after[task]) {
       const double transfer = costs.uniform(0, 2 * parameters.ccr * parameters.mean_ms);
       edges.push_back(fmt::format("{{task: t{}, transfer_ms: {:.6f}}}", from + 1, transfer));
     }

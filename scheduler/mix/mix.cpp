@@ -184,20 +184,15 @@ NamedTask read_task(const YamlNode& node, const std::string& pipeline,
 /// Predecessors of each task, by position in the file.
 using Edges = std::vector<std::vector<std::size_t>>;
 
-std::vector<std::string> names_of(const std::vector<NamedTask>& tasks) {
-  std::vector<std::string> names;
-  for (const auto& each : tasks) names.push_back(each.task.name);
-  return names;
-}
-
 /// Finds tasks by their name.
 class TaskNames {
  public:
-  explicit TaskNames(const std::vector<NamedTask>& tasks) : names_(names_of(tasks)) {
-    for (std::size_t i = 0; i < tasks.size(); ++i) {
-      if (!positions_.emplace(names_[i], i).second) {
-        tasks[i].node.fail("two tasks are named '" + names_[i] + "'");
+  explicit TaskNames(const std::vector<NamedTask>& tasks) {
+    for (const auto& each : tasks) {
+      if (!positions_.emplace(each.task.name, names_.size()).second) {
+        each.node.fail("two tasks are named '" + each.task.name + "'");
       }
+      names_.push_back(each.task.name);
     }
   }
   [[nodiscard]] std::size_t find(const YamlNode& node, const std::string& name) const {

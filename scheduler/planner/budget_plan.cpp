@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "scheduler/services/call_plan.h"
 #include "workloads/base/error.h"
@@ -11,16 +10,13 @@
 namespace pirt {
 namespace {
 
-constexpr double kWindowS = 1;
-
 double standing_w(const Platform& platform) {
   double sum = 0;
   for (const UnitModel& unit : platform.units) sum += unit.standing_w();
   return sum;
 }
 
-/// By Little's law: what keeps the unit's own servers busy with calls of the kind; no more than it
-/// takes.
+/// What keeps the unit's own servers busy with calls of the kind; no more than it takes.
 int busy_with(const CallPlan& call, const UnitModel& unit, UnitId id) {
   constexpr int kNoLimit = 1'000'000;
   const int most = unit.slots.value_or(kNoLimit);
@@ -29,8 +25,8 @@ int busy_with(const CallPlan& call, const UnitModel& unit, UnitId id) {
   if (!on_it) return most;
   const Nanos own = call.on(id, Taken::kMean);
   if (own <= Nanos::zero()) return std::min(most, unit.servers);
-  const double tasks = std::ceil(unit.servers * to_s(call.takes(Taken::kMean)) / to_s(own) - 1e-9);
-  return std::min(most, static_cast<int>(std::clamp(tasks, 1.0, double{kNoLimit})));
+  const std::int64_t calls = calls_in_service(unit.servers, call.takes(Taken::kMean), own);
+  return std::min(most, static_cast<int>(std::clamp<std::int64_t>(calls, 1, kNoLimit)));
 }
 
 BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std::uint32_t pipeline,
@@ -40,6 +36,7 @@ BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std:
   const std::size_t units = platform.units.size();
   BudgetPlan::Task task{.pipeline = pipeline,
                         .first = position == 0,
+                        .pinned = scenario.mix.pipelines[pipeline].deadline.has_value(),
                         .units = {},
                         .capacity = std::vector<int>(units, 0),
                         .share = std::vector<double>(units, 1.0),
@@ -47,9 +44,8 @@ BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std:
                         .context = std::vector<std::uint32_t>(units, 0),
                         .prepare = std::vector<Nanos>(units, Nanos::zero()),
                         .window_j = std::vector<double>(units, 0.0),
-                        .slice = std::vector<Nanos>(scenario.slices ? units : 0, Nanos::zero())};
-  task.state = scenario.mix.pipelines[pipeline].tasks[position].state;
-  const bool urgent = scenario.mix.pipelines[pipeline].deadline.has_value();
+                        .slice = std::vector<Nanos>(scenario.slices ? units : 0, Nanos::zero()),
+                        .state = scenario.mix.pipelines[pipeline].tasks[position].state};
   std::vector<std::optional<double>> energy_j(units);
   for (UnitId unit = 0; unit < units; ++unit) {
     if (!contains(kind.eligible, unit)) continue;
@@ -76,15 +72,7 @@ BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std:
     if (known && *energy_j[a] != *energy_j[b]) return *energy_j[a] < *energy_j[b];
     return task.worst[a] < task.worst[b];
   });
-  task.pinned = urgent;
   return task;
-}
-
-void check_energy_known(const Scenario& scenario, const BudgetPlan& plan) {
-  const UnitModel* unit = without_joules(scenario, plan);
-  if (unit == nullptr) return;
-  throw_bad_input("--power-cap: nobody knows what " + unit->name + " draws; give it with --set " +
-                  unit->name + ".active_w=W, or leave it out with --without " + unit->name);
 }
 
 }  // namespace
@@ -102,7 +90,7 @@ const UnitModel* without_joules(const Scenario& scenario, const BudgetPlan& plan
 }
 
 double above_idle_j(const Platform& platform, double power_cap_w) {
-  return (power_cap_w - standing_w(platform)) * kWindowS;
+  return (power_cap_w - standing_w(platform)) * to_s(kPowerWindow);
 }
 
 std::string infeasible_cap(const Platform& platform, double power_cap_w) {
@@ -126,7 +114,11 @@ BudgetPlan first_budget_plan(const Scenario& scenario, std::optional<double> pow
   }
   measure_ways(scenario, plan);
   if (power_cap_w) {
-    check_energy_known(scenario, plan);
+    if (const UnitModel* unit = without_joules(scenario, plan)) {
+      throw_bad_input("--power-cap: nobody knows what " + unit->name +
+                      " draws; give it with --set " + unit->name +
+                      ".active_w=W, or leave it out with --without " + unit->name);
+    }
     plan.window_j = above_idle_j(scenario.platform, *power_cap_w);
   }
   return plan;

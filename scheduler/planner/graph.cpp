@@ -101,7 +101,7 @@ std::vector<Nanos> PlanningGraph::upward_ranks(bool transfers) const {
       const Nanos moving = transfers ? mean_transfer(e) : Nanos::zero();
       ranks[*task] = std::max(ranks[*task], moving + ranks[edge(e).to]);
     }
-    ranks[*task] += mean_cost(*task);
+    ranks[*task] += mean_cost_[*task];
   }
   return ranks;
 }
@@ -111,7 +111,7 @@ std::vector<Nanos> PlanningGraph::downward_ranks() const {
   for (const std::size_t task : order_) {
     for (const std::size_t e : in_[task]) {
       const std::size_t from = edge(e).from;
-      ranks[task] = std::max(ranks[task], ranks[from] + mean_cost(from) + mean_transfer(e));
+      ranks[task] = std::max(ranks[task], ranks[from] + mean_cost_[from] + mean_transfer(e));
     }
   }
   return ranks;

@@ -44,8 +44,6 @@ class PlanningGraph {
   /// All tasks, each after its predecessors; otherwise in their own order.
   [[nodiscard]] const std::vector<std::size_t>& order() const { return order_; }
 
-  /// Over the units that can run it, rounded to a nanosecond.
-  [[nodiscard]] Nanos mean_cost(std::size_t task) const { return mean_cost_[task]; }
   /// Over all pairs of different units, rounded to a nanosecond; 0 if there is one unit.
   [[nodiscard]] Nanos mean_transfer(std::size_t edge) const { return mean_transfer_[edge]; }
 
@@ -66,7 +64,7 @@ class PlanningGraph {
   std::vector<std::vector<std::size_t>> in_;  ///< Edges, by task.
   std::vector<std::vector<std::size_t>> out_;
   std::vector<std::size_t> order_;
-  std::vector<Nanos> mean_cost_;
+  std::vector<Nanos> mean_cost_;  ///< By task: over the units that can run it, rounded.
   std::vector<Nanos> mean_transfer_;
 };
 

@@ -20,7 +20,7 @@ struct MixPlan {
     std::optional<std::uint32_t> previous;
   };
   std::vector<Entry> entries;  ///< All tasks of all pipelines; the position is TaskClass::entry.
-  Nanos makespan{0};  ///< If all find an image buffer.
+  Nanos makespan{0};           ///< If all find an image buffer.
 };
 
 /// Pure: the same mix, platform and services give the same plan. If every pipeline fires once, and

@@ -84,11 +84,4 @@ void ReadyList::take(std::size_t task) {
   }
 }
 
-std::size_t ReadyList::take_highest(const std::vector<Nanos>& priorities) {
-  const std::size_t task =
-      *std::ranges::max_element(ready_, {}, [&](std::size_t each) { return priorities[each]; });
-  take(task);
-  return task;
-}
-
 }  // namespace pirt

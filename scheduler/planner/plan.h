@@ -1,6 +1,7 @@
 // A static schedule of a task graph, and how the planners build one up.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <optional>
 #include <vector>
@@ -57,7 +58,13 @@ class ReadyList {
   /// Takes @p task out; those that only waited for it are ready.
   void take(std::size_t task);
   /// Takes the one with the highest of @p priorities (by task); ties: the first of the graph.
-  std::size_t take_highest(const std::vector<Nanos>& priorities);
+  template <typename Priority>
+  std::size_t take_highest(const std::vector<Priority>& priorities) {
+    const std::size_t task =
+        *std::ranges::max_element(ready_, {}, [&](std::size_t each) { return priorities[each]; });
+    take(task);
+    return task;
+  }
 
  private:
   const PlanningGraph& graph_;

@@ -19,14 +19,10 @@ struct Genes {
 
 Plan decode(const PlanningGraph& graph, const Genes& genes) {
   PlanBuilder builder(graph);
-  ReadyList ready(graph);
-  while (!ready.empty()) {
-    const auto& tasks = ready.tasks();
-    const std::size_t task = *std::ranges::max_element(
-        tasks, {}, [&](std::size_t each) { return genes.priority[each]; });
+  for (ReadyList ready(graph); !ready.empty();) {
+    const std::size_t task = ready.take_highest(genes.priority);
     const UnitId unit = genes.unit[task] ? *genes.unit[task] : builder.best_unit(task);
     builder.place(task, unit, builder.earliest_start(task, unit));
-    ready.take(task);
   }
   return std::move(builder).finish();
 }

@@ -1,8 +1,9 @@
-// What the baselines have in common: they use any local unit that may serve a task, and weights
-// play no part.
+// What the baselines have in common: they use any local unit that may serve a task, and know
+// servers and costs; weights play no part.
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "scheduler/policies/policy.h"
 #include "scheduler/policies/unit_order.h"
@@ -11,6 +12,8 @@ namespace pirt {
 
 class Baseline : public Policy {
  public:
+  explicit Baseline(const PolicySetup& setup) : Baseline(setup, local_units(setup.roles)) {}
+
   UnitMask takers(const TaskClass& task, UnitMask up) const override {
     return task.eligible & up & usable_;
   }
@@ -19,9 +22,12 @@ class Baseline : public Policy {
   }
 
  protected:
-  explicit Baseline(const PolicySetup& setup) : Baseline(local_units(setup.roles)) {}
   /// @param usable  The units that it may ever use.
-  explicit Baseline(UnitMask usable) : usable_(usable) {}
+  Baseline(const PolicySetup& setup, UnitMask usable)
+      : servers_(setup.servers), costs_(setup.costs), usable_(usable) {}
+
+  const std::vector<int> servers_;  ///< By unit.
+  const CostTable costs_;
 
  private:
   UnitMask usable_;

@@ -2,25 +2,11 @@
 
 #include <algorithm>
 #include <bit>
-#include <limits>
 #include <utility>
 
 #include "scheduler/policies/unit_order.h"
 
 namespace pirt {
-namespace {
-
-std::int64_t tasks_in_service(const CallCost& service, int servers) {
-  if (service.occupied <= Nanos::zero()) return std::numeric_limits<std::int64_t>::max();
-  // Wide, since servers x total may not fit.
-  __extension__ using Wide = __int128;
-  const Wide occupied = service.occupied.count();
-  return static_cast<std::int64_t>(
-      std::min<Wide>((Wide{servers} * service.total.count() + occupied - 1) / occupied,
-                     std::numeric_limits<std::int64_t>::max()));
-}
-
-}  // namespace
 
 CompletionEstimate::CompletionEstimate(const PolicySetup& setup)
     : local_(local_units(setup.roles)), costs_(setup.costs), earliest_(setup.servers.size()) {
@@ -30,7 +16,9 @@ CompletionEstimate::CompletionEstimate(const PolicySetup& setup)
   for (const auto& row : costs_) {
     auto& counts = in_service_.emplace_back();
     for (std::size_t unit = 0; unit < row.size(); ++unit) {
-      counts.push_back(row[unit] ? tasks_in_service(*row[unit], setup.servers[unit]) : 0);
+      counts.push_back(
+          row[unit] ? calls_in_service(setup.servers[unit], row[unit]->total, row[unit]->occupied)
+                    : 0);
       totals_.push_back(row[unit] ? row[unit]->total : Nanos::zero());
     }
   }

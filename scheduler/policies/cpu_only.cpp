@@ -9,8 +9,7 @@ namespace {
 class CpuOnlyPolicy final : public Baseline {
  public:
   explicit CpuOnlyPolicy(const PolicySetup& setup)
-      : Baseline(units_where(setup.roles, [](Role role) { return role == Role::kCpu; })),
-        servers_(setup.servers) {}
+      : Baseline(setup, units_where(setup.roles, [](Role role) { return role == Role::kCpu; })) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
     // Loads over servers, compared as fractions.
@@ -18,9 +17,6 @@ class CpuOnlyPolicy final : public Baseline {
       return units.load[a] * servers_[b] < units.load[b] * servers_[a];
     }));
   }
-
- private:
-  std::vector<int> servers_;
 };
 
 }  // namespace

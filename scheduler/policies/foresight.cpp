@@ -28,7 +28,11 @@ void Foresight::find_units(UnitMask up) {
   up_ = up;
   on_.assign(plan_.tasks.empty() ? 0 : plan_.tasks.front().capacity.size(), {});
   for (std::uint32_t entry = 0; entry < plan_.tasks.size(); ++entry) {
-    if (is_urgent_[entry]) on_[unit_of(entry, up)].push_back(entry);
+    if (!is_urgent_[entry]) continue;
+    const auto& units = plan_.tasks[entry].units;
+    const auto first =
+        std::ranges::find_if(units, [up](UnitId unit) { return contains(up, unit); });
+    on_[first == units.end() ? units.front() : *first].push_back(entry);
   }
 }
 
@@ -68,12 +72,6 @@ void Foresight::departed(std::uint32_t entry, Nanos deadline) {
 Nanos Foresight::latest_end(std::uint32_t entry) const {
   if (waiting_[entry].empty()) return Nanos::max();
   return waiting_[entry].front() - plan_.tasks[entry].behind;
-}
-
-UnitId Foresight::unit_of(std::uint32_t entry, UnitMask up) const {
-  const auto& units = plan_.tasks[entry].units;
-  const auto first = std::ranges::find_if(units, [up](UnitId unit) { return contains(up, unit); });
-  return first == units.end() ? units.front() : *first;
 }
 
 /// As Firings::due has it.

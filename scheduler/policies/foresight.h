@@ -55,7 +55,6 @@ class Foresight {
     std::int64_t missed = 0;  ///< Firings in a row that did not come.
   };
 
-  [[nodiscard]] UnitId unit_of(std::uint32_t entry, UnitMask up) const;
   void skip_missing(std::size_t pipeline, Nanos now);
   [[nodiscard]] bool comes(std::size_t pipeline) const {
     return plan_.pipelines[pipeline].is_periodic() && streams_[pipeline].missed < kEnded;

@@ -10,7 +10,7 @@ namespace {
 
 class MeePolicy final : public Baseline {
  public:
-  explicit MeePolicy(const PolicySetup& setup) : Baseline(setup), costs_(setup.costs) {}
+  using Baseline::Baseline;
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
     const auto joules = [&](UnitId unit) {
@@ -20,9 +20,6 @@ class MeePolicy final : public Baseline {
     return on_or_hold(first_best(takers(task, units.up),
                                  [&](UnitId a, UnitId b) { return joules(a) < joules(b); }));
   }
-
- private:
-  CostTable costs_;
 };
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace {
 
 class MetPolicy final : public Baseline {
  public:
-  explicit MetPolicy(const PolicySetup& setup) : Baseline(setup), costs_(setup.costs) {}
+  using Baseline::Baseline;
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
     const auto& costs = costs_[task.workload];
@@ -21,9 +21,6 @@ class MetPolicy final : public Baseline {
       return costs[a]->total < costs[b]->total;
     }));
   }
-
- private:
-  CostTable costs_;
 };
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace {
 
 class OlbPolicy final : public Baseline {
  public:
-  explicit OlbPolicy(const PolicySetup& setup) : Baseline(setup), servers_(setup.servers) {}
+  using Baseline::Baseline;
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
     const UnitMask usable = takers(task, units.up);
@@ -23,9 +23,6 @@ class OlbPolicy final : public Baseline {
     }
     return Placement::hold_for(usable);
   }
-
- private:
-  std::vector<int> servers_;
 };
 
 }  // namespace

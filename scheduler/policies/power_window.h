@@ -8,6 +8,7 @@
 #include <deque>
 #include <utility>
 
+#include "scheduler/services/call_plan.h"
 #include "workloads/base/time.h"
 
 namespace pirt {
@@ -32,13 +33,12 @@ class PowerWindow {
   }
   /// When the next call that has ended counts no more; Nanos::max() = none has.
   [[nodiscard]] Nanos next() const {
-    return ended_.empty() ? Nanos::max() : ended_.front().first + kWindow + Nanos(1);
+    return ended_.empty() ? Nanos::max() : ended_.front().first + kPowerWindow + Nanos(1);
   }
 
  private:
-  static constexpr Nanos kWindow = std::chrono::seconds(1);
   void forget(Nanos now) {
-    while (!ended_.empty() && ended_.front().first + kWindow < now) {
+    while (!ended_.empty() && ended_.front().first + kPowerWindow < now) {
       ended_j_ -= ended_.front().second;
       ended_.pop_front();
     }

@@ -18,8 +18,6 @@ class QilinPolicy final : public Baseline {
  public:
   explicit QilinPolicy(const PolicySetup& setup)
       : Baseline(setup),
-        servers_(setup.servers),
-        costs_(setup.costs),
         frames_(setup.costs.size(), std::vector<std::int64_t>(setup.roles.size(), 0)) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
@@ -41,8 +39,6 @@ class QilinPolicy final : public Baseline {
     return Wide{frames_[workload][unit] + 1} * costs_[workload][unit]->occupied.count();
   }
 
-  std::vector<int> servers_;
-  CostTable costs_;
   std::vector<std::vector<std::int64_t>> frames_;  ///< [workload][unit]: given so far.
 };
 

@@ -72,22 +72,17 @@ ChosenWeights choose_weights(const Scenario& scenario, const ScheduleOptions& op
 /// By pipeline; 0 for open loops.
 std::vector<int> choose_in_flight(const Scenario& scenario, const ScheduleOptions& options,
                                   const Defaults& defaults) {
+  std::optional<int> given = options.in_flight;
+  if (!given && defaults.mode != nullptr) given = defaults.mode->in_flight;
   std::vector<int> in_flight;
   for (std::size_t p = 0; p < scenario.mix.pipelines.size(); ++p) {
-    int frames = 0;
-    if (scenario.mix.pipelines[p].frames) {
-      if (options.in_flight) {
-        frames = *options.in_flight;
-      } else if (defaults.mode != nullptr && defaults.mode->in_flight) {
-        frames = *defaults.mode->in_flight;
-      } else {
-        // What keeps the units busy with the pipeline's most spread-out workload.
-        for (const auto& kind : scenario.classes[p]) {
-          frames = std::max(frames, in_flight_for(kind, scenario.platform, scenario.services));
-        }
-      }
+    const bool closed = scenario.mix.pipelines[p].frames.has_value();
+    int& frames = in_flight.emplace_back(closed ? given.value_or(0) : 0);
+    if (!closed || given) continue;
+    // What keeps the units busy with the pipeline's most spread-out workload.
+    for (const auto& kind : scenario.classes[p]) {
+      frames = std::max(frames, in_flight_for(kind, scenario.platform, scenario.services));
     }
-    in_flight.push_back(frames);
   }
   return in_flight;
 }
@@ -145,6 +140,9 @@ void check_every_task_placeable(const Scenario& scenario, const Policy& policy, 
 
 /// A foreign task that moves nothing is offloaded for less than it costs.
 void warn_of_nothing_moved(const Policy& policy, Scenario& scenario) {
+  const UnitMask with_link = units_where(
+      scenario.platform.units,
+      [&scenario](const UnitModel& unit) { return scenario.platform.links.contains(unit.link); });
   for (std::size_t p = 0; p < scenario.classes.size(); ++p) {
     const Pipeline& pipeline = scenario.mix.pipelines[p];
     for (std::size_t t = 0; t < scenario.classes[p].size(); ++t) {
@@ -153,10 +151,7 @@ void warn_of_nothing_moved(const Policy& policy, Scenario& scenario) {
       const CallBytes bytes = call_bytes(task);
       if (!bytes.moves || bytes.in + bytes.out > 0 || task.bytes) continue;
       if (moves_tensors(find_spec(task.workload))) continue;
-      UnitMask linked = policy.takers(kind, kind.eligible);
-      for (UnitId unit = 0; unit < scenario.platform.units.size(); ++unit) {
-        if (link_of(scenario.platform, unit) == nullptr) linked &= ~unit_bit(unit);
-      }
+      const UnitMask linked = policy.takers(kind, kind.eligible) & with_link;
       if (linked == 0) continue;
       scenario.services.warnings.push_back(fmt::format(
           "{}: nobody has said what {} moves, so that it goes to {} and back as a message without "
@@ -167,24 +162,19 @@ void warn_of_nothing_moved(const Policy& policy, Scenario& scenario) {
   }
 }
 
-/// Each task's place in a plan.
-void number_entries(Scenario& scenario) {
-  std::uint32_t entry = 0;
-  for (auto& pipeline : scenario.classes) {
-    for (auto& kind : pipeline) kind.entry = entry++;
-  }
-}
-
 /// What the mode plans before a run: what a planner does, or the beginning of a budget.
 void make_plan(const Mode& mode, Scenario& scenario, const ScheduleOptions& options,
                PolicySetup& setup) {
   if (mode.policy.planner == nullptr && !mode.policy.budgets) return;
-  number_entries(scenario);
-  if (mode.policy.planner != nullptr) {
-    setup.plan = plan_mix(scenario, mode.policy.planner);
-    return;
+  std::uint32_t entry = 0;
+  for (auto& pipeline : scenario.classes) {
+    for (auto& kind : pipeline) kind.entry = entry++;
   }
-  setup.budget = first_budget_plan(scenario, options.power_cap_w);
+  if (mode.policy.budgets) {
+    setup.budget = first_budget_plan(scenario, options.power_cap_w);
+  } else {
+    setup.plan = plan_mix(scenario, mode.policy.planner);
+  }
 }
 
 void check_budget(const Platform& platform, const Mix& mix, const ScheduleOptions& options,

@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "scheduler/policies/unit_order.h"
+#include "scheduler/services/call_plan.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
 
@@ -47,8 +48,7 @@ double squared_error(const std::vector<int>& counts, const std::vector<double>& 
 /// The whole numbers of sum @p total closest to the shares: the error is separable and convex, so
 /// that adding one at a time where it helps most is optimal (greedy resource allocation).
 std::vector<int> apportion(const std::vector<double>& shares, std::vector<int> counts, int total) {
-  const auto sum_of = [&] { return std::accumulate(counts.begin(), counts.end(), 0); };
-  for (int sum = sum_of(); sum < total; ++sum) {
+  for (int sum = std::accumulate(counts.begin(), counts.end(), 0); sum < total; ++sum) {
     std::size_t best = 0;
     double best_gain = -std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < counts.size(); ++i) {
@@ -106,23 +106,28 @@ void share_weights(WorkloadId workload, const Platform& platform, const ServiceT
     weights[units[i]] = counts[i] - (i == otherwise ? 1 : 0);
 }
 
+/// Of a call by itself: what it moves over links is no work of the unit.
+CallPlan call_on(WorkloadId workload, UnitId unit, const Platform& platform,
+                 const ServiceTable& services) {
+  return plan_call(platform, services, workload, unit, {});
+}
+
 int queue_weight(WorkloadId workload, UnitId unit, const Platform& platform,
                  const ServiceTable& services) {
   const auto& model = platform.units[unit];
-  const Service& service = *services.find(workload, unit);
-  // Wide, since servers * s may not fit.
-  __extension__ using Wide = __int128;
-  const Wide bottleneck = std::max<Wide>(1, service.bottleneck(unit).count());
-  const Wide jobs = (Wide{model.servers} * service.total().count() + bottleneck - 1) / bottleneck;
-  const int busy = static_cast<int>(std::clamp<Wide>(jobs, 1, 1'000'000));
-  return busy + (model.slots == 1 ? 1 : 0);
+  const CallPlan call = call_on(workload, unit, platform, services);
+  const std::int64_t busy = calls_in_service(model.servers, call.takes(Taken::kMean),
+                                             std::max(call.bottleneck(unit), Nanos(1)));
+  return static_cast<int>(std::clamp<std::int64_t>(busy, 1, 1'000'000)) +
+         (model.slots == 1 ? 1 : 0);
 }
 
 void queue_weights(WorkloadId workload, const Platform& platform, const ServiceTable& services,
                    bool fast_only, std::vector<int>& weights) {
   const auto units = candidates(workload, platform, services);
   const auto rate = [&](UnitId unit) {
-    return platform.units[unit].servers / seconds(services.find(workload, unit)->bottleneck(unit));
+    const CallPlan call = call_on(workload, unit, platform, services);
+    return platform.units[unit].servers / seconds(call.bottleneck(unit));
   };
   double fastest = 0;
   for (const UnitId unit : units) fastest = std::max(fastest, rate(unit));
@@ -157,12 +162,12 @@ WeightTable given_weights(const std::map<std::string, int>& weights, const Platf
   WeightTable table = zeros(platform, services);
   bool any = false;
   for (const auto& [name, weight] : weights) {
-    if (platform.find_unit(name) == nullptr) {
+    const auto found = std::ranges::find(platform.units, name, &UnitModel::name);
+    if (found == platform.units.end()) {
       throw_bad_input(fmt::format("{}: platform {} has no unit '{}'{}", source, platform.name, name,
                                   suggestion(name, platform.unit_names())));
     }
-    const auto unit = static_cast<UnitId>(
-        std::ranges::find(platform.units, name, &UnitModel::name) - platform.units.begin());
+    const auto unit = static_cast<UnitId>(found - platform.units.begin());
     if (weight < 0) {
       throw_bad_input(
           fmt::format("{}: the weight of {} is {}; weights are 0 or more", source, name, weight));
@@ -173,14 +178,11 @@ WeightTable given_weights(const std::map<std::string, int>& weights, const Platf
                       source, name));
     }
     any |= weight > 0;
-    for (auto& row : table) row[unit] = weight;
-  }
-  if (!any) throw_bad_input(source + ": all weights are 0; give one unit at least 1");
-  for (WorkloadId workload = 0; workload < table.size(); ++workload) {
-    for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-      if (services.find(workload, unit) == nullptr) table[workload][unit] = 0;
+    for (WorkloadId workload = 0; workload < table.size(); ++workload) {
+      if (services.find(workload, unit) != nullptr) table[workload][unit] = weight;
     }
   }
+  if (!any) throw_bad_input(source + ": all weights are 0; give one unit at least 1");
   return table;
 }
 

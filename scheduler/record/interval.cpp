@@ -38,16 +38,12 @@ RunFigures figures_of(const RunRecord& run) {
 }
 
 std::map<std::string, FigureInterval> intervals_of(std::span<const RunFigures> redrawn) {
-  std::map<std::string, FigureInterval> intervals;
-  if (redrawn.empty()) return intervals;
-  for (const auto& [name, first] : redrawn.front()) {
-    std::vector<double> values;
-    for (const RunFigures& each : redrawn) {
-      const auto found = each.find(name);
-      if (found != each.end()) values.push_back(found->second);
-    }
-    intervals[name] = middle_95(std::move(values));
+  std::map<std::string, std::vector<double>> values;
+  for (const RunFigures& each : redrawn) {
+    for (const auto& [name, value] : each) values[name].push_back(value);
   }
+  std::map<std::string, FigureInterval> intervals;
+  for (auto& [name, all] : values) intervals[name] = middle_95(std::move(all));
   return intervals;
 }
 
@@ -63,17 +59,16 @@ bool cannot_tell(const RunRecord& a, const RunRecord& b, const std::string& figu
     const FigureInterval apart = middle_95(std::move(differences));
     return apart.low <= 0 && apart.high >= 0;
   }
-  const RunFigures figures_a = figures_of(a);
-  const RunFigures figures_b = figures_of(b);
-  const auto of_a = figures_a.find(figure);
-  const auto of_b = figures_b.find(figure);
-  if (of_a == figures_a.end() || of_b == figures_b.end()) return false;
-  const auto around = [&](const RunRecord& run, double value) {
-    const auto found = run.intervals.find(figure);
-    return found == run.intervals.end() ? FigureInterval{value, value} : found->second;
+  const auto around = [&figure](const RunRecord& run) -> std::optional<FigureInterval> {
+    const RunFigures figures = figures_of(run);
+    const auto value = figures.find(figure);
+    if (value == figures.end()) return std::nullopt;
+    const auto interval = run.intervals.find(figure);
+    return interval == run.intervals.end() ? FigureInterval{value->second, value->second}
+                                           : interval->second;
   };
-  const FigureInterval its_a = around(a, of_a->second), its_b = around(b, of_b->second);
-  return its_a.low <= its_b.high && its_b.low <= its_a.high;
+  const auto its_a = around(a), its_b = around(b);
+  return its_a && its_b && its_a->low <= its_b->high && its_b->low <= its_a->high;
 }
 
 }  // namespace pirt

@@ -13,16 +13,11 @@
 namespace pirt {
 namespace {
 
-template <typename T>
-struct IsOptional : std::false_type {};
-template <typename T>
-struct IsOptional<std::optional<T>> : std::true_type {};
-
 class Writer {
  public:
   template <typename T>
   void field(const char* key, const T& value) {
-    if constexpr (IsOptional<T>::value) {
+    if constexpr (requires { value.has_value(); }) {
       if (value) json[key] = *value;
     } else {
       json[key] = value;
@@ -36,7 +31,7 @@ class Reader {
   explicit Reader(const Json& json) : json_(json) {}
   template <typename T>
   void field(const char* key, T& value) {
-    if constexpr (IsOptional<T>::value) {
+    if constexpr (requires { value.has_value(); }) {
       if (json_.contains(key)) value = json_.at(key).get<typename T::value_type>();
     } else {
       value = json_.at(key).get<T>();

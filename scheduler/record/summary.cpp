@@ -136,14 +136,10 @@ void add_calls(const Scenario& run, const Tally& tally, RunRecord& record) {
                                                .p95_ms = to_ms(*calls.percentile(0.95))});
       const auto phases = tally.phases.find({static_cast<WorkloadId>(w), unit});
       if (phases == tally.phases.end()) continue;
-      const auto median_ms = [](const Histogram& of) -> std::optional<double> {
-        if (of.count() == 0) return std::nullopt;
-        return to_ms(*of.percentile(0.50));
-      };
-      result.upload_ms = median_ms(phases->second.upload);
-      result.launch_ms = median_ms(phases->second.launch);
-      result.execute_ms = median_ms(phases->second.execute);
-      result.download_ms = median_ms(phases->second.download);
+      result.upload_ms = in_ms(phases->second.upload.percentile(0.50));
+      result.launch_ms = in_ms(phases->second.launch.percentile(0.50));
+      result.execute_ms = in_ms(phases->second.execute.percentile(0.50));
+      result.download_ms = in_ms(phases->second.download.percentile(0.50));
     }
   }
 }

@@ -2,13 +2,11 @@
 
 #include <algorithm>
 #include <iterator>
-#include <numeric>
+#include <limits>
 #include <utility>
 
 namespace pirt {
 namespace {
-
-constexpr double kWindowS = 1;  ///< Of a cap of power.
 
 void add_link(const Platform& platform, UnitId unit, std::int64_t size_bytes,
               std::vector<CallStep>& steps) {
@@ -36,9 +34,12 @@ double beside_all(const ServiceTable& services, UnitId unit, const CallCondition
 
 void add_stages(const Platform& platform, const ServiceTable& services, const Service& service,
                 UnitId unit, std::vector<CallStep>& steps) {
-  const auto sliced = service.sliced_stage(unit);
-  for (std::size_t i = 0; i < service.stages.size(); ++i) {
-    const ServiceStage& stage = service.stages[i];
+  const ServiceStage* sliced = nullptr;  // The longest on the unit itself.
+  for (const ServiceStage& stage : service.stages) {
+    if (service.slices.size() <= 1 || stage.on != unit) continue;
+    if (sliced == nullptr || stage.mean() > sliced->mean()) sliced = &stage;
+  }
+  for (const ServiceStage& stage : service.stages) {
     CallStep& step = steps.emplace_back();
     step.time = stage.time;
     step.usual = stage.usual();
@@ -47,11 +48,13 @@ void add_stages(const Platform& platform, const ServiceTable& services, const Se
     if (stage.on) {
       step.servers = *stage.on;
       step.watts = platform.units[*stage.on].active_w;
-      step.energy_scale = service.energy_scale(stage);
+      step.energy_scale = service.metered_j ? 0 : stage.energy_scale;
     }
-    step.conditions = service.conditions_of(stage, unit);
-    if (step.conditions != nullptr) step.beside = beside_all(services, unit, *step.conditions);
-    if (i == sliced) step.slices = &service.slices;
+    if (service.conditions && stage.on == unit && stage.name == to_string(Phase::kExecute)) {
+      step.conditions = &*service.conditions;
+      step.beside = beside_all(services, unit, *step.conditions);
+    }
+    if (&stage == sliced) step.slices = &service.slices;
   }
 }
 
@@ -248,7 +251,7 @@ double CallPlan::window_j() const {
     energy_j += step.watts * to_s(most) * step.energy_scale;
     highest_w = std::max(highest_w, step.watts * step.energy_scale / step.scale);
   }
-  return own_j + data_j + std::min(energy_j, highest_w * kWindowS);
+  return own_j + data_j + std::min(energy_j, highest_w * to_s(kPowerWindow));
 }
 
 CallPlan plan_call(const Platform& platform, const ServiceTable& services, WorkloadId workload,
@@ -274,6 +277,15 @@ CallPlan plan_call(const Platform& platform, const ServiceTable& services, Workl
   spread_own(service.fixed_j(), std::span(call.steps).subspan(first));
   if (bytes.moves) add_link(platform, unit, bytes.out, call.steps);
   return call;
+}
+
+std::int64_t calls_in_service(int servers, Nanos total, Nanos occupied) {
+  constexpr auto kNoLimit = std::numeric_limits<std::int64_t>::max();
+  if (occupied <= Nanos::zero()) return kNoLimit;
+  // Wide, since servers x total may not fit.
+  __extension__ using Wide = __int128;
+  const Wide jobs = (Wide{servers} * total.count() + occupied.count() - 1) / occupied.count();
+  return static_cast<std::int64_t>(std::min<Wide>(jobs, kNoLimit));
 }
 
 std::vector<TaskPlan> plan_tasks(const Scenario& scenario, std::size_t pipeline) {

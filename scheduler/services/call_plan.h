@@ -60,6 +60,9 @@ struct CallStep {
   [[nodiscard]] Nanos takes(Taken taken) const;
 };
 
+/// What a cap of power is about: the joules of any so long a time.
+inline constexpr Nanos kPowerWindow = std::chrono::seconds(1);
+
 /// What a call is expected to cost on a unit that nobody else uses, for policies.
 struct CallCost {
   Nanos total{0};
@@ -91,7 +94,7 @@ struct CallPlan {
   [[nodiscard]] std::optional<double> energy_j(Taken taken) const;
   /// Beyond busy servers and links: a meter's, or call_j, operations and bytes.
   [[nodiscard]] double own_j() const;
-  /// The most that can fall into one second.
+  /// The most that can fall into kPowerWindow.
   [[nodiscard]] double window_j() const;
 };
 
@@ -101,6 +104,10 @@ struct CallPlan {
 /// @param services  Have a service for it, and outlive the plan.
 [[nodiscard]] CallPlan plan_call(const Platform& platform, const ServiceTable& services,
                                  WorkloadId workload, UnitId unit, const CallBytes& bytes);
+
+/// By Little's law so many calls keep all @p servers busy, each of which takes @p total and
+/// occupies one for @p occupied; as many as there are numbers where that is no time.
+[[nodiscard]] std::int64_t calls_in_service(int servers, Nanos total, Nanos occupied);
 
 struct TaskPlan {
   WorkloadId workload = 0;

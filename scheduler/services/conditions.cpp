@@ -31,8 +31,8 @@ Nanos worst_of(const Row& row) {
 bool waits_for_memory(const Profile& profile, const PhaseRow& steady) {
   const PeakRow* memory = profile.find_peak(steady.unit, PeakKind::kBandwidthMemory);
   const PeakRow* f32 = profile.find_peak(steady.unit, PeakKind::kF32);
-  const bool known =
-      memory != nullptr && f32 != nullptr && memory->per_second && f32->per_second && steady.ops;
+  const bool known = memory != nullptr && f32 != nullptr && is_used(*memory) && is_used(*f32) &&
+                     memory->per_second && f32->per_second && steady.ops;
   if (!known) return false;
   return static_cast<double>(steady.bytes) / *memory->per_second >
          static_cast<double>(*steady.ops) / *f32->per_second;

@@ -8,14 +8,12 @@ namespace {
 
 /// Of the newest run that had the meter.
 void take_metered_idle(const Profile& profile, UnitModel& unit) {
-  if (unit.idle_set || unit.standing_w() > 0) return;
-  const std::string meter = "meter." + unit.name;
+  if (unit.idle_set || unit.held_set || unit.standing_w() > 0) return;
   for (const RunInfo& run : profile.runs) {
-    const auto rest_w = run.figure(meter + ".idle_w");
-    const auto awake_w = run.figure(meter + ".awake_w");
-    if (!rest_w || !awake_w) continue;
-    unit.idle_w = *rest_w;
-    unit.held_w = std::max(0.0, *awake_w - *rest_w);
+    const auto standing = standing_power(run, unit.name);
+    if (!standing || !standing->held_w) continue;
+    unit.idle_w = standing->idle_w;
+    unit.held_w = *standing->held_w;
     return;
   }
 }

@@ -11,8 +11,7 @@
 namespace pirt {
 
 /// on_device of each unit that the profile has, and of a GPU whose power nobody stated that of its
-/// meter: idle_w at rest, held_w what it draws more when it is open. Done twice, it changes
-/// nothing.
+/// meter: standing_power. Done twice, it changes nothing.
 /// @param profile  Null = the devices are not known, and the platform is as it was.
 /// @param without  Units that the run leaves out, whose devices it does not hold open.
 [[nodiscard]] Platform on_devices(Platform platform, const Profile* profile,

@@ -85,10 +85,10 @@ void check_unit_or_role(const Platform& platform, const std::string& name,
                               platform.name, suggestion(name, candidates)));
 }
 
-/// The units that a list of names stands for.
+/// The units that a list of names stands for; an empty one for all.
 UnitMask named_units(const Platform& platform, const std::vector<std::string>& names,
                      const std::string& where) {
-  UnitMask mask = 0;
+  UnitMask mask = names.empty() ? ~UnitMask{0} : 0;
   for (const auto& name : names) {
     check_unit_or_role(platform, name, where + ": eligible");
     mask |= units_where(platform.units,
@@ -198,9 +198,7 @@ std::vector<UnitMask> wanted_units(const Platform& platform, const Mix& mix,
     for (const auto& task : pipeline.tasks) {
       const auto found = std::ranges::find(services.workloads, task.workload);
       wanted[static_cast<std::size_t>(found - services.workloads.begin())] |=
-          task.eligible.empty()
-              ? ~UnitMask{0}
-              : named_units(platform, task.eligible, task_name(mix, pipeline, task));
+          named_units(platform, task.eligible, task_name(mix, pipeline, task));
     }
   }
   return wanted;
@@ -252,11 +250,9 @@ void admit_by_memory(const Platform& platform, const Mix& mix, ServiceTable& ser
 /// One whose figure is uncertain by more than a factor of 4 is among them only where nothing else
 /// of the robot's own is; the cloud is asked for other reasons than its time.
 /// @param only      The role whose units alone the mode uses, if it has one: others serve nothing.
-/// @param warnings  Appended to: which is left out so.
+/// @param services  Gets warnings: which is left out so.
 std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const Mix& mix,
-                                                 const ServiceTable& services,
-                                                 std::optional<Role> only,
-                                                 std::vector<std::string>& warnings) {
+                                                 std::optional<Role> only, ServiceTable& services) {
   std::map<std::string_view, WorkloadId> ids;
   for (const auto& name : services.workloads)
     ids.emplace(name, static_cast<WorkloadId>(ids.size()));
@@ -267,26 +263,25 @@ std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const
       const std::string where = task_name(mix, pipeline, task);
       const WorkloadId workload = ids.at(task.workload);
       const UnitMask served = services.units_of(workload);
-      const UnitMask named =
-          task.eligible.empty() ? served : named_units(platform, task.eligible, where);
-      if ((served & named) == 0) {
+      const UnitMask eligible = served & named_units(platform, task.eligible, where);
+      if (eligible == 0) {
         throw_bad_input(where + ": eligible [" + join(task.eligible, ", ") +
                         "] leaves no unit for " + task.workload + ", which " +
                         unit_list(platform, served) + " of platform " + platform.name +
                         " can serve");
       }
-      const UnitMask left_out = too_uncertain(platform, services, workload, served & named, only);
+      const UnitMask left_out = too_uncertain(platform, services, workload, eligible, only);
       if (left_out != 0) {
         std::string warning =
             task.workload + " on " + unit_list(platform, left_out) +
             " is not used: its figure is uncertain by more than a factor of 4, and another unit "
             "serves it";
-        if (std::ranges::find(warnings, warning) == warnings.end()) {
-          warnings.push_back(std::move(warning));
+        if (std::ranges::find(services.warnings, warning) == services.warnings.end()) {
+          services.warnings.push_back(std::move(warning));
         }
       }
       row.push_back({.workload = workload,
-                     .eligible = served & named & ~left_out,
+                     .eligible = eligible & ~left_out,
                      .real_time = pipeline.real_time,
                      .image_input = task.image_input});
     }
@@ -296,21 +291,27 @@ std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const
 
 }  // namespace
 
+void Scenario::keep_calls_whole() {
+  slices = false;
+  for (auto& row : services.entries) {
+    for (ServiceEntry& entry : row) {
+      if (entry.service) entry.service->slices.clear();
+    }
+  }
+}
+
 Scenario make_scenario(const Platform& platform, const Profile* profile, const Mix& mix,
                        ServiceOptions options, CloudUse cloud_use) {
   options.given = given_services(platform, mix);
-  const bool slices = options.slices;
   ServiceTable services = resolve_services(platform, profile, workloads_of(mix), options);
   admit_by_memory(platform, mix, services);
   check_every_workload_served(platform, profile, mix, services, cloud_use);
-  std::vector<std::string> warnings;
-  auto classes = task_classes(platform, mix, services, options.only, warnings);
-  services.warnings.insert(services.warnings.end(), warnings.begin(), warnings.end());
+  auto classes = task_classes(platform, mix, options.only, services);
   return {.platform = platform,
           .mix = mix,
           .services = std::move(services),
           .classes = std::move(classes),
-          .slices = slices};
+          .slices = options.slices};
 }
 
 }  // namespace pirt

@@ -12,21 +12,6 @@ namespace {
 /// handed a call: who looks at the clock, who waits for the cloud's reply, and the unit's own.
 constexpr int kWakeUps = 3;
 
-struct Slowest {
-  Nanos takes{0};  ///< From being handed over to its end.
-  Nanos handover{0};
-};
-
-Slowest slowest(const TaskPlan& plan, UnitMask among) {
-  Slowest most;
-  for (UnitId unit = 0; unit < plan.calls.size(); ++unit) {
-    if (!contains(among, unit)) continue;
-    most.takes = std::max(most.takes, plan.calls[unit].takes(Taken::kWorst));
-    most.handover = std::max(most.handover, plan.calls[unit].handover);
-  }
-  return most;
-}
-
 }  // namespace
 
 bool may_return(const Scenario& scenario, CloudUse cloud_use) {
@@ -50,12 +35,18 @@ std::vector<std::optional<RecallLead>> recall_leads(const Scenario& scenario,
   for (std::size_t t = tasks.size(); t-- > 0;) {
     const TaskClass& kind = scenario.classes[pipeline][t];
     const UnitMask here = kind.eligible & ~cloud;
-    const Slowest own = slowest(plans[t], here);
-    const Nanos takes = behind[t] + own.takes;
+    Nanos slowest{0};
+    Nanos handover{0};
+    for (UnitId unit = 0; unit < plans[t].calls.size(); ++unit) {
+      if (!contains(here, unit)) continue;
+      slowest = std::max(slowest, plans[t].calls[unit].takes(Taken::kWorst));
+      handover = std::max(handover, plans[t].calls[unit].handover);
+    }
+    const Nanos takes = behind[t] + slowest;
     for (const std::size_t before : scenario.mix.pipelines[pipeline].waits_for(t))
       behind[before] = std::max(behind[before], takes);
     const UnitMask there = kind.eligible & cloud;
-    if (here != 0 && there != 0) leads[t] = {takes + (kWakeUps - 1) * own.handover, there};
+    if (here != 0 && there != 0) leads[t] = {takes + (kWakeUps - 1) * handover, there};
   }
   return leads;
 }

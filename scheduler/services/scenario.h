@@ -29,6 +29,9 @@ struct Scenario {
   std::uint64_t seed = 1;
   std::optional<Faults> faults = {};  ///< Absent = every call completes.
   bool slices = false;                ///< Calls are suspended where their workloads say so.
+
+  /// From now on none is.
+  void keep_calls_whole();
 };
 
 /// Services and classes of the mix's tasks; the rest is left to the caller.

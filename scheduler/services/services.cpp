@@ -34,11 +34,6 @@ struct Cell {
   }
 };
 
-UnitId unit_id_of(const Platform& platform, const std::string& name) {
-  const auto it = std::ranges::find(platform.units, name, &UnitModel::name);
-  return static_cast<UnitId>(it - platform.units.begin());
-}
-
 std::optional<Service> from_platform(const Cell& cell) {
   const auto* model = cell.model();
   if (model == nullptr) return std::nullopt;
@@ -48,9 +43,11 @@ std::optional<Service> from_platform(const Cell& cell) {
   service.time_provenance = model->provenance;
   service.energy_provenance = weakest(model->provenance, cell.unit().energy_provenance);
   if (cell.platform.watts_set) service.energy_provenance = Provenance::kModelled;
+  const auto& units = cell.platform.units;
   for (const auto& stage : stages->second) {
     service.stages.push_back({.name = stage.name, .on = std::nullopt, .time = stage.time});
-    if (!stage.on.empty()) service.stages.back().on = unit_id_of(cell.platform, stage.on);
+    const auto on = std::ranges::find(units, stage.on, &UnitModel::name);
+    if (on != units.end()) service.stages.back().on = static_cast<UnitId>(on - units.begin());
   }
   return service;
 }
@@ -295,34 +292,10 @@ Nanos ServiceStage::usual() const {
   return std::max(usual_worst_of(time), p95.value_or(Nanos::zero()));
 }
 
-const CallConditions* Service::conditions_of(const ServiceStage& stage, UnitId unit) const {
-  const bool varies = conditions && stage.on == unit && stage.name == to_string(Phase::kExecute);
-  return varies ? &*conditions : nullptr;
-}
-
 Nanos Service::total() const {
   Nanos sum{0};
   for (const auto& stage : stages) sum += stage.mean();
   return sum;
-}
-
-std::optional<std::size_t> Service::sliced_stage(UnitId unit) const {
-  std::optional<std::size_t> longest;
-  for (std::size_t i = 0; i < stages.size() && slices.size() > 1; ++i) {
-    const bool longer = !longest || stages[i].mean() > stages[*longest].mean();
-    if (stages[i].on == unit && longer) longest = i;
-  }
-  return longest;
-}
-
-Nanos Service::bottleneck(UnitId unit) const {
-  Nanos own{0};
-  Nanos any{0};
-  for (const auto& stage : stages) {
-    any = std::max(any, stage.mean());
-    if (stage.on == unit) own = std::max(own, stage.mean());
-  }
-  return own > Nanos::zero() ? own : any;
 }
 
 UnitMask ServiceTable::units_of(WorkloadId workload) const {
@@ -335,14 +308,6 @@ bool can_suspend_calls(const UnitModel& unit) {
                              unit.slots.value_or(unit.measured() ? 1 : 0) == 1;
   return one_at_a_time && !unit.contexts && !is_elsewhere(unit) && unit.role != Role::kCloud &&
          (!unit.measured() || leaves_calls_of(unit.backend));
-}
-
-void ServiceTable::keep_calls_whole() {
-  for (auto& row : entries) {
-    for (ServiceEntry& entry : row) {
-      if (entry.service) entry.service->slices.clear();
-    }
-  }
 }
 
 std::uint32_t context_of(const Contexts& contexts, WorkloadId workload, const std::string& name) {

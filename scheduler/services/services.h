@@ -63,20 +63,10 @@ struct Service {
   /// can be suspended, as shares of its time; empty = it cannot.
   std::vector<double> slices = {};
 
-  /// Of the stage's time before the scale, how much draws active_w: none of a metered call's.
-  [[nodiscard]] double energy_scale(const ServiceStage& stage) const {
-    return metered_j ? 0 : stage.energy_scale;
-  }
   /// Joules of a call beyond busy servers and links.
   [[nodiscard]] double fixed_j() const { return metered_j.value_or(extra_j); }
-  /// What lengthens the stage of a call on @p unit by what else happens; null = nothing does.
-  [[nodiscard]] const CallConditions* conditions_of(const ServiceStage& stage, UnitId unit) const;
-  /// Position of the stage that has the slices; absent if none has.
-  [[nodiscard]] std::optional<std::size_t> sliced_stage(UnitId unit) const;
   /// All stages, scaled.
   [[nodiscard]] Nanos total() const;
-  /// The longest stage on @p unit itself, or the longest of all where none is.
-  [[nodiscard]] Nanos bottleneck(UnitId unit) const;
 };
 
 /// One cell: the service, or why there is none.
@@ -96,8 +86,6 @@ struct ServiceTable {
     return entry.service ? &*entry.service : nullptr;
   }
   [[nodiscard]] UnitMask units_of(WorkloadId workload) const;
-  /// From now on no call is suspended between two slices.
-  void keep_calls_whole();
 };
 
 /// Whether calls there may be suspended between two slices: what runs on the unit has one thing

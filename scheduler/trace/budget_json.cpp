@@ -23,11 +23,13 @@ void require(bool condition) {
   if (!condition) throw_bad_input("the plan of mode budget does not fit the units");
 }
 
+/// Absent where there is no such key.
+std::optional<Nanos> nanos(const Json& json, const char* key) {
+  if (!json.contains(key)) return std::nullopt;
+  return Nanos(json.at(key).get<std::int64_t>());
+}
+
 BudgetPlan::Task task_from_json(const Json& json) {
-  const auto nanos = [&json](const char* key) {
-    return json.contains(key) ? std::optional(Nanos(json.at(key).get<std::int64_t>()))
-                              : std::nullopt;
-  };
   return {.pipeline = json.at("pipeline").get<std::uint32_t>(),
           .first = json.at("first").get<bool>(),
           .pinned = json.at("pinned").get<bool>(),
@@ -39,10 +41,9 @@ BudgetPlan::Task task_from_json(const Json& json) {
           .prepare = times_from_json(json.at("prepare_ns")),
           .window_j = json.at("window_j").get<std::vector<double>>(),
           .behind = Nanos(json.at("behind_ns").get<std::int64_t>()),
-          .slice = json.contains("slice_ns") ? times_from_json(json.at("slice_ns"))
-                                             : std::vector<Nanos>{},
-          .ready = nanos("ready_ns").value_or(Nanos::zero()),
-          .tolerates = nanos("tolerates_ns"),
+          .slice = times_from_json(json.value("slice_ns", Json())),
+          .ready = nanos(json, "ready_ns").value_or(Nanos::zero()),
+          .tolerates = nanos(json, "tolerates_ns"),
           .state = json.contains("state") ? std::optional(json.at("state").get<std::size_t>())
                                           : std::nullopt};
 }
@@ -52,9 +53,7 @@ BudgetPlan::Arrivals arrivals_from_json(const Json& json) {
   if (json.contains("rate_hz")) arrivals.rate_hz = json.at("rate_hz").get<double>();
   arrivals.offset = Nanos(json.at("offset_ns").get<std::int64_t>());
   arrivals.jitter = Nanos(json.at("jitter_ns").get<std::int64_t>());
-  if (json.contains("deadline_ns")) {
-    arrivals.deadline = Nanos(json.at("deadline_ns").get<std::int64_t>());
-  }
+  arrivals.deadline = nanos(json, "deadline_ns");
   arrivals.real_time = json.at("real_time").get<bool>();
   require(arrivals.rate_hz.value_or(1) > 0);
   return arrivals;
@@ -99,6 +98,7 @@ Json to_json(const BudgetPlan& plan) {
 
 BudgetPlan budget_plan_from_json(const Json& json, std::size_t units) {
   BudgetPlan plan;
+  if (json.is_null()) return plan;
   for (const auto& each : json.at("tasks")) plan.tasks.push_back(task_from_json(each));
   for (const auto& each : json.at("pipelines")) plan.pipelines.push_back(arrivals_from_json(each));
   if (json.contains("window_j")) plan.window_j = json.at("window_j").get<double>();

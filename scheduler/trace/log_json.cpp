@@ -115,6 +115,10 @@ Json policy_json(const PolicySetup& setup) {
           {"seed", seed}};
 }
 
+const PolicyInfo* basic_policy_from_json(const Json& json) {
+  return json.is_null() ? nullptr : &find_basic_policy(json.get<std::string>());
+}
+
 PolicySetup policy_from_json(const Json& json) {
   PolicySetup setup;
   setup.roles = roles_from_json(json.at("roles"));
@@ -133,21 +137,14 @@ PolicySetup policy_from_json(const Json& json) {
     }
   }
   setup.plan.makespan = time_from_json(json.at("plan").at("makespan_ns"));
-  if (!json.at("budget").is_null()) {
-    setup.budget = budget_plan_from_json(json.at("budget"), setup.roles.size());
-  }
+  setup.budget = budget_plan_from_json(json.at("budget"), setup.roles.size());
   for (const Json& each : json.at("budget_without")) {
-    setup.budget_without.push_back(
-        each.is_null() ? BudgetPlan{} : budget_plan_from_json(each, setup.roles.size()));
+    setup.budget_without.push_back(budget_plan_from_json(each, setup.roles.size()));
   }
   setup.weights = json.at("weights").get<WeightTable>();
   setup.literal_overflow = json.at("literal_overflow").get<bool>();
-  if (json.contains("follows") && !json.at("follows").is_null()) {
-    setup.follows = &find_basic_policy(json.at("follows").get<std::string>());
-  }
-  if (!json.at("basic").is_null()) {
-    setup.basic = &find_basic_policy(json.at("basic").get<std::string>());
-  }
+  setup.follows = basic_policy_from_json(json.value("follows", Json()));
+  setup.basic = basic_policy_from_json(json.at("basic"));
   setup.seed = whole<std::uint64_t>(json.at("seed"));
   return setup;
 }
@@ -193,16 +190,17 @@ void check_sizes(const DispatcherSetup& setup) {
   }
 }
 
-/// `,"key":[...]`, what @p write appends of each with commas between.
+/// `,"key":[...]`, what @p write appends of each with commas between; nothing where there is none.
 template <typename Item, typename Write>
 void add_list(const char* key, std::span<const Item> items, std::string& line, const Write& write) {
+  if (items.empty()) return;
   fmt::format_to(std::back_inserter(line), R"(,"{}":)", key);
   char separator = '[';
   for (const Item& each : items) {
     line += std::exchange(separator, ',');
     write(each);
   }
-  line += items.empty() ? "[]" : "]";
+  line += ']';
 }
 
 void add_task(const Task& task, std::string& line) {
@@ -229,21 +227,16 @@ void add_task(const Task& task, std::string& line) {
 void add_decisions(const Answer& answer, std::string& line) {
   const auto out = std::back_inserter(line);
   const auto add_sliced = [&](const char* key, std::span<const Sliced> tasks) {
-    if (tasks.empty()) return;
     add_list(key, tasks, line,
              [&](const Sliced& each) { fmt::format_to(out, "[{},{}]", each.task, each.unit); });
   };
-  if (!answer.started.empty()) {
-    add_list("start", answer.started, line, [&](const Start& each) {
-      fmt::format_to(out, "[{},{},{},{}]", each.task, each.unit, each.dispatched_at.count(),
-                     each.ready_at.count());
-    });
-  }
-  if (!answer.ended.empty()) {
-    add_list("end", answer.ended, line, [&](const Ended& each) {
-      fmt::format_to(out, R"([{},"{}"])", each.task, to_string(each.how));
-    });
-  }
+  add_list("start", answer.started, line, [&](const Start& each) {
+    fmt::format_to(out, "[{},{},{},{}]", each.task, each.unit, each.dispatched_at.count(),
+                   each.ready_at.count());
+  });
+  add_list("end", answer.ended, line, [&](const Ended& each) {
+    fmt::format_to(out, R"([{},"{}"])", each.task, to_string(each.how));
+  });
   add_sliced("leave", answer.suspended);
   add_sliced("resume", answer.resumed);
 }
@@ -303,6 +296,7 @@ std::string log_line(const DispatcherInput& input, const Answer& answer) {
     fmt::format_to(out, R"(,"firing":{})", input.firing);
   }
   if (input.kind == Kind::kSubmit) {
+    if (input.tasks.empty()) line += R"(,"tasks":[])";
     add_list("tasks", input.tasks, line, [&](const Task& each) { add_task(each, line); });
     fmt::format_to(out, R"(,"ids":[{}])", fmt::join(answer.submitted, ","));
   }
@@ -345,11 +339,12 @@ void add_task_from_json(const Json& json, LogEntry& entry) {
     const Json& recall = json.at("recall");
     task.recall = {Nanos(whole<std::int64_t>(recall.at(0))), whole<UnitMask>(recall.at(1))};
   }
-  entry.after.push_back(list_from_json(json, "after", whole<TaskId>));
-  entry.after_own.push_back(list_from_json(json, "after_own", whole<std::uint32_t>));
+  task.after = entry.after.emplace_back(list_from_json(json, "after", whole<TaskId>));
+  task.after_own =
+      entry.after_own.emplace_back(list_from_json(json, "after_own", whole<std::uint32_t>));
   if (json.contains("state")) task.state = whole<StateId>(json.at("state"));
   if (json.contains("series")) task.series = whole<SeriesId>(json.at("series"));
-  entry.reads.push_back(list_from_json(json, "reads", whole<SeriesId>));
+  task.reads = entry.reads.emplace_back(list_from_json(json, "reads", whole<SeriesId>));
 }
 
 Effects effects_from_json(const Json& json) {

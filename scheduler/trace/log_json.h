@@ -34,8 +34,12 @@ void check_trace_version(const Json& json);
 /// another version, an unknown mode, or tables that do not fit the units.
 [[nodiscard]] DispatcherSetup dispatcher_setup_from_json(const Json& json);
 
-/// An input with its answer. Holds the tasks and predecessors that an input only shows.
+/// An input with its answer. Holds the tasks that an input only shows, and what these show; it is
+/// moved, and never copied.
 struct LogEntry {
+  LogEntry() = default;
+  LogEntry(LogEntry&&) = default;
+
   DispatcherInput input;
   std::vector<Task> tasks;
   std::vector<std::vector<TaskId>> after;             ///< Of each task,

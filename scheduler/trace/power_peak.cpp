@@ -3,14 +3,11 @@
 #include <algorithm>
 #include <utility>
 
+#include "scheduler/services/call_plan.h"
+
 namespace pirt {
-namespace {
 
-constexpr Nanos kWindow = std::chrono::seconds(1);
-
-}  // namespace
-
-PowerPeak::PowerPeak(const Platform& platform) : loads_(server_loads(platform)) {
+PowerPeak::PowerPeak(const Platform& platform) : LoadObserver(platform) {
   for (ServerLoad& load : loads_) idle_w_ += std::exchange(load.idle_w, 0);
 }
 
@@ -23,7 +20,7 @@ double PowerPeak::joules_until(Nanos time) const {
 }
 
 void PowerPeak::consider(Nanos end) {
-  highest_w_ = std::max(highest_w_, joules_until(end) - joules_until(end - kWindow));
+  highest_w_ = std::max(highest_w_, joules_until(end) - joules_until(end - kPowerWindow));
 }
 
 /// What a second draws, by its end, rises and falls in straight lines: it is highest where the
@@ -40,12 +37,12 @@ void PowerPeak::settled(Nanos now, std::span<const int> /*waiting*/) {
   if (!changes_.empty()) {
     const Nanos since = changes_.back().at;
     for (const Change& change : changes_) {
-      const Nanos end = change.at + kWindow;
+      const Nanos end = change.at + kPowerWindow;
       if (end > since && end < now) consider(end);
     }
     consider(now);
   }
-  while (changes_.size() > 1 && changes_[1].at <= now - kWindow) changes_.pop_front();
+  while (changes_.size() > 1 && changes_[1].at <= now - kPowerWindow) changes_.pop_front();
   changes_.push_back({now, power_w, before_j});
 }
 

@@ -3,26 +3,15 @@
 #pragma once
 
 #include <deque>
-#include <vector>
 
-#include "scheduler/trace/run_observer.h"
 #include "scheduler/trace/server_load.h"
 
 namespace pirt {
 
-class PowerPeak final : public RunObserver {
+class PowerPeak final : public LoadObserver {
  public:
   explicit PowerPeak(const Platform& platform);
 
-  void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override {
-    loads_[servers_index].arrived(job, power_w);
-  }
-  void departed(std::size_t servers_index, std::uint32_t job) override {
-    loads_[servers_index].departed(job);
-  }
-  void drawing(std::size_t servers_index, double by_w) override {
-    loads_[servers_index].beside_w += by_w;
-  }
   void settled(Nanos now, std::span<const int> waiting) override;
 
   /// Joules of the fullest second so far, which is a mean power in watts.
@@ -38,7 +27,6 @@ class PowerPeak final : public RunObserver {
   [[nodiscard]] double joules_until(Nanos time) const;
   void consider(Nanos end);
 
-  std::vector<ServerLoad> loads_;
   std::deque<Change> changes_;  ///< The last one, and those of a second before it.
   double idle_w_ = 0;
   double highest_w_ = 0;

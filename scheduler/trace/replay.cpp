@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <tuple>
 #include <utility>
 
 #include "scheduler/trace/trace_reader.h"
@@ -15,16 +16,12 @@ namespace {
 
 using InputKind = DispatcherInput::Kind;
 
-bool same(const Start& a, const Start& b) {
-  return a.task == b.task && a.unit == b.unit && a.dispatched_at == b.dispatched_at &&
-         a.ready_at == b.ready_at;
-}
-
 bool same(const Effects& a, const Effects& b) {
+  const auto logged = [](const Start& start) {
+    return std::tuple(start.task, start.unit, start.dispatched_at, start.ready_at);
+  };
   return a.submitted == b.submitted && a.ended == b.ended && a.suspended == b.suspended &&
-         a.resumed == b.resumed &&
-         std::ranges::equal(a.started, b.started,
-                            [](const Start& x, const Start& y) { return same(x, y); });
+         a.resumed == b.resumed && std::ranges::equal(a.started, b.started, {}, logged, logged);
 }
 
 std::string_view verb(TaskEnd how) {
@@ -43,10 +40,7 @@ std::string_view verb(TaskEnd how) {
 class Replay {
  public:
   Replay(const DispatcherSetup& setup, const std::string& source)
-      : setup_(setup),
-        source_(source),
-        mode_(*setup.mode),
-        dispatcher_(setup.slots, mode_.make(setup.policy)) {}
+      : setup_(setup), source_(source), dispatcher_(setup.slots, setup.mode->make(setup.policy)) {}
 
   /// @param next  std::optional<LogEntry>(): absent after the last.
   template <typename Next>
@@ -72,12 +66,9 @@ class Replay {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& what) const {
-    throw_bad_input(fmt::format("{}: input {} of the log: {}", source_, position_ + 1, what));
-  }
-
   void require(bool condition, const std::string& what) const {
-    if (!condition) fail(what);
+    if (condition) return;
+    throw_bad_input(fmt::format("{}: input {} of the log: {}", source_, position_ + 1, what));
   }
 
   /// What the dispatcher cannot know: the tables of the policy.
@@ -98,7 +89,8 @@ class Replay {
       require(!contains(kind.eligible, unit) || policy.costs[kind.workload][unit].has_value(),
               "names a unit without a time for its workload");
     }
-    require(!mode_.budgets || kind.entry < policy.budget.tasks.size(), "has no place in the plan");
+    require(!setup_.mode->budgets || kind.entry < policy.budget.tasks.size(),
+            "has no place in the plan");
     if (policy.plan.entries.empty()) return;
     require(kind.entry < policy.plan.entries.size() &&
                 contains(kind.eligible, policy.plan.entries[kind.entry].unit),
@@ -107,15 +99,9 @@ class Replay {
 
   bool give(const LogEntry& entry, Effects& out) {
     const DispatcherInput& input = entry.input;
-    std::vector<Task> tasks = entry.tasks;
-    for (std::size_t i = 0; i < tasks.size(); ++i) {
-      tasks[i].after = entry.after[i];
-      tasks[i].after_own = entry.after_own[i];
-      tasks[i].reads = entry.reads[i];
-    }
     switch (input.kind) {
       case InputKind::kSubmit:
-        return dispatcher_.submit(tasks, now_, out).has_value();
+        return dispatcher_.submit(entry.tasks, now_, out).has_value();
       case InputKind::kRelease:
         return dispatcher_.release(input.firing, now_);
       case InputKind::kComplete:
@@ -183,7 +169,6 @@ class Replay {
 
   const DispatcherSetup& setup_;
   const std::string& source_;
-  const PolicyInfo& mode_;
   Dispatcher dispatcher_;
   std::size_t position_ = 0;
   Nanos now_ = Nanos::min();

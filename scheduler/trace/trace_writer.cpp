@@ -34,11 +34,11 @@ std::size_t process(UnitId unit) { return unit + std::size_t{1}; }
 
 TraceWriter::TraceWriter(const std::filesystem::path& path, const Scenario& run,
                          const DispatcherSetup& setup, const std::string& time)
-    : run_(run),
+    : LoadObserver(run.platform),
+      run_(run),
       file_(path, header_of(run, setup, time)),
       free_lanes_(run.platform.units.size()),
-      lanes_(run.platform.units.size(), 0),
-      loads_(server_loads(run.platform)) {
+      lanes_(run.platform.units.size(), 0) {
   for (const auto& unit : run.platform.units) {
     power_keys_.push_back(quoted(unit.name));
     depth_keys_.push_back(quoted(unit.name));

@@ -23,13 +23,12 @@
 #include "scheduler/record/tally.h"
 #include "scheduler/services/scenario.h"
 #include "scheduler/trace/log_json.h"
-#include "scheduler/trace/run_observer.h"
 #include "scheduler/trace/server_load.h"
 #include "scheduler/trace/trace_file.h"
 
 namespace pirt {
 
-class TraceWriter final : public DispatcherObserver, public RunObserver {
+class TraceWriter final : public DispatcherObserver, public LoadObserver {
  public:
   /// @param run   For names; its references must outlive the writer.
   /// @param time  "virtual" or "live", as in the run's record.
@@ -40,15 +39,6 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
   void on_input(const DispatcherInput& input, const Answer& answer) override;
   void submitted(TaskId task, std::size_t pipeline, std::size_t position,
                  std::uint64_t firing) override;
-  void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override {
-    loads_[servers_index].arrived(job, power_w);
-  }
-  void departed(std::size_t servers_index, std::uint32_t job) override {
-    loads_[servers_index].departed(job);
-  }
-  void drawing(std::size_t servers_index, double by_w) override {
-    loads_[servers_index].beside_w += by_w;
-  }
   void preparing(TaskId task, Nanos now, Nanos takes) override;
   void settled(Nanos now, std::span<const int> waiting) override;
 
@@ -94,7 +84,6 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
   std::unordered_map<TaskId, TaskTrack> tasks_;
   std::vector<std::set<std::size_t>> free_lanes_;  ///< By unit.
   std::vector<std::size_t> lanes_;                 ///< By unit: how many there are.
-  std::vector<ServerLoad> loads_;                  ///< Units, then links.
   std::vector<std::string> power_keys_, depth_keys_;
   std::vector<double> power_, depth_;            ///< At settled_at_, not yet written.
   std::vector<double> last_power_, last_depth_;  ///< As written.

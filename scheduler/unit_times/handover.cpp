@@ -26,37 +26,21 @@ class EmptyUnit {
  public:
   explicit EmptyUnit(const std::vector<int>& cores)
       : cores_(cores), unit_(setup(), [this](Call&, const CallEnd& end) { ended(end); }) {
-    unit_.run(call_);  // Binds the thread.
-    wait_for(1);
+    run(1);  // Binds the thread.
   }
 
   std::vector<Nanos> measure(const SleepPlan& plan) {
-    const auto first = static_cast<std::size_t>(count());
-    const auto last = static_cast<std::int64_t>(first) + plan.samples;
-    std::vector<Nanos> handed;
+    times_.clear();
     if (plan.sleep == Nanos(0)) {
-      // One more, to follow.
-      {
-        const std::lock_guard lock(mutex_);
-        to_follow_ = plan.samples;
-      }
-      unit_.run(call_);
-      wait_for(last + 1);
+      run(plan.samples + 1);
+      times_.erase(times_.begin());  // That one did not follow.
     } else {
-      for (std::int64_t i = 0; i < plan.samples; ++i) {
+      for (int i = 0; i < plan.samples; ++i) {
         std::this_thread::sleep_for(plan.sleep);
-        handed.push_back(clock_.now());
-        unit_.run(call_);
-        wait_for(static_cast<std::int64_t>(first) + i + 1);
+        run(1);
       }
     }
-    std::vector<Nanos> times;
-    const std::lock_guard lock(mutex_);
-    for (std::size_t i = 0; i < static_cast<std::size_t>(plan.samples); ++i) {
-      times.push_back(plan.sleep == Nanos(0) ? begun_[first + i + 1] - ended_[first + i]
-                                             : begun_[first + i] - handed[i]);
-    }
-    return times;
+    return times_;
   }
 
  private:
@@ -69,52 +53,48 @@ class EmptyUnit {
         {.workload = &workload_, .sample = nullptr, .function = [this](auto, auto) { compute(); }});
     return setup;
   }
+  /// So many calls, each but the first handed over from the end of the one before.
+  void run(int calls) {
+    {
+      const std::lock_guard lock(mutex_);
+      to_end_ = calls;
+    }
+    handed_at_ = clock_.now();
+    unit_.run(call_);
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return to_end_ == 0; });
+    if (!problem_.empty()) throw_environment(problem_);
+  }
   void compute() {
     const Nanos begin = clock_.now();
     if (!bound_) {
       bind_to_cores(cores_, "handover");
       bound_ = true;
     }
-    begun_.push_back(begin);
-    ended_.push_back(clock_.now());
+    times_.push_back(begin - handed_at_);
+    handed_at_ = clock_.now();
   }
 
   void ended(const CallEnd& end) {
-    bool follows = false;
     {
       const std::lock_guard lock(mutex_);
-      if (!end.problem.empty()) problem_ = end.problem;
-      ++count_;
-      follows = to_follow_ > 0 && problem_.empty();
-      if (follows) --to_follow_;
+      problem_ = end.problem;
+      to_end_ = problem_.empty() ? to_end_ - 1 : 0;
+      if (to_end_ == 0) return changed_.notify_one();
     }
-    if (follows) {
-      unit_.run(call_);
-    } else {
-      changed_.notify_one();
-    }
-  }
-
-  [[nodiscard]] std::int64_t count() {
-    const std::lock_guard lock(mutex_);
-    return count_;
-  }
-  void wait_for(std::int64_t calls) {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return count_ >= calls || !problem_.empty(); });
-    if (!problem_.empty()) throw_environment(problem_);
+    unit_.run(call_);
   }
 
   std::vector<int> cores_;
   Workload workload_;
   Call call_;  ///< One at a time.
   MachineClock clock_;
-  bool bound_ = false;                ///< Of the unit's thread, as those below until it has ended
-  std::vector<Nanos> begun_, ended_;  ///< the last call that somebody waits for.
+  bool bound_ = false;        ///< Of the unit's thread, as those below until it has ended
+  Nanos handed_at_{0};        ///< the last call
+  std::vector<Nanos> times_;  ///< that somebody waits for.
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::int64_t count_ = 0;      ///< Calls that have ended.
-  std::int64_t to_follow_ = 0;  ///< That the unit's thread is to hand over itself.
+  int to_end_ = 0;  ///< Calls that somebody waits for.
   std::string problem_;
   KernelUnit unit_;  ///< Last: its thread uses all else.
 };

@@ -22,7 +22,6 @@ void Firings::plan(std::uint32_t p) {
   const Pipeline& pipeline = scenario_.mix.pipelines[p];
   state.pipeline = &pipeline;
   state.jitter_seed = derive_seed(scenario_.seed, "jitter of " + pipeline.name);
-  const SeriesId first_series = series_count_;
   state.moves_data = keep_made_;
   const auto moves = [this](const MixEdge& edge) {
     return edge.transfer > Nanos::zero() || (edge.bytes && !scenario_.platform.links.empty());
@@ -47,10 +46,11 @@ void Firings::plan(std::uint32_t p) {
   if (pipeline.frames) {
     state.to_fire = std::min<std::int64_t>(*pipeline.frames, scenario_.in_flight[p]);
   }
-  plan_submission(p, first_series);
+  plan_submission(p, series_of);
 }
 
-void Firings::plan_submission(std::uint32_t p, SeriesId first_series) {
+/// @param series_of  By task; of those that are read later.
+void Firings::plan_submission(std::uint32_t p, const std::vector<SeriesId>& series_of) {
   PipelineState& state = pipelines_[p];
   const Pipeline& pipeline = *state.pipeline;
   std::size_t edges = 0;
@@ -70,7 +70,7 @@ void Firings::plan_submission(std::uint32_t p, SeriesId first_series) {
     task.after_own = after.first(definition.after.size());
     after = after.subspan(definition.after.size());
     if (definition.state) task.state = static_cast<StateId>(*definition.state);
-    if (definition.read_later) task.series = first_series++;
+    if (definition.read_later) task.series = series_of[t];
     task.reads = state.reads[t];
   }
 }
@@ -89,10 +89,6 @@ std::optional<Nanos> Firings::due(std::uint32_t p) const {
     at += scaled(pipeline.jitter, static_cast<double>(drawn >> 11U) * 0x1p-53);
   }
   return at < end_ ? std::optional(at) : std::nullopt;
-}
-
-std::int64_t Firings::at_begin(std::uint32_t pipeline) const {
-  return pipelines_[pipeline].to_fire;
 }
 
 std::uint32_t Firings::take_loop(Nanos now) {

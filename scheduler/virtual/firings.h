@@ -39,7 +39,9 @@ class Firings {
 
   /// Absent if it comes no more, or the pipeline is a closed loop.
   [[nodiscard]] std::optional<Nanos> due(std::uint32_t pipeline) const;
-  [[nodiscard]] std::int64_t at_begin(std::uint32_t pipeline) const;
+  [[nodiscard]] std::int64_t at_begin(std::uint32_t pipeline) const {
+    return pipelines_[pipeline].to_fire;
+  }
   /// A closed loop that fires now: one whose firing has ended, then those that were short of a
   /// buffer, in the order in which they were; kNoLoop if none more does. (Not optional: of that the
   /// compiler writes two halves to memory and reads them as one, which at each event costs as much
@@ -134,7 +136,7 @@ class Firings {
   };
 
   void plan(std::uint32_t pipeline);
-  void plan_submission(std::uint32_t pipeline, SeriesId first_series);
+  void plan_submission(std::uint32_t pipeline, const std::vector<SeriesId>& series_of);
   void keep(PipelineState& state, std::size_t task, const Made& made);
   [[nodiscard]] std::uint32_t take_loop(Nanos now);
   void end_firing(const Firing& firing, Nanos now);

@@ -37,14 +37,7 @@ class FifoServers final : public Servers {
     std::ranges::pop_heap(busy_, std::greater{});
     const Busy done = busy_.back();
     busy_.pop_back();
-    if (waiting_.empty()) {
-      ++idle_;
-      next_ = busy_.empty() ? Moment{} : busy_.front().end;
-    } else {
-      const Waiting first = waiting_.front();
-      waiting_.pop_front();
-      serve(first, done.end.time);
-    }
+    serve_next(done.end.time);
     return done.job;
   }
 
@@ -70,14 +63,7 @@ class FifoServers final : public Servers {
     const Nanos rest = at->end.time - now;
     busy_.erase(at);
     std::ranges::make_heap(busy_, std::greater{});
-    next_ = busy_.empty() ? Moment{} : busy_.front().end;
-    if (waiting_.empty()) {
-      ++idle_;
-    } else {
-      const Waiting first = waiting_.front();
-      waiting_.pop_front();
-      serve(first, now);
-    }
+    serve_next(now);
     return rest;
   }
 
@@ -105,6 +91,18 @@ class FifoServers final : public Servers {
     busy_.push_back({{now + work, job.sequence}, job.job});
     std::ranges::push_heap(busy_, std::greater{});
     next_ = busy_.front().end;
+  }
+
+  /// A server is free: it begins with who has waited longest.
+  void serve_next(Nanos now) {
+    if (waiting_.empty()) {
+      ++idle_;
+      next_ = busy_.empty() ? Moment{} : busy_.front().end;
+    } else {
+      const Waiting first = waiting_.front();
+      waiting_.pop_front();
+      serve(first, now);
+    }
   }
 
   Owner* owner_;

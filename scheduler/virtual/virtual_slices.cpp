@@ -87,12 +87,8 @@ void VirtualTime::take_back(const Recalled& recalled) {
   if (job.suspended) {
     job.paused += now_ - job.suspended_at;
   } else if (!step.for_data && step.servers != CallStep::kDelay) {
-    const Nanos remaining = servers_[step.servers]->remove(index, now_).value();
+    charge_served(books_, job, servers_[step.servers]->remove(index, now_).value());
     note_next(step.servers);
-    const Nanos served = job.takes - remaining;
-    if (served > Nanos::zero()) {
-      charge(books_, job, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
-    }
     tell(&RunObserver::departed, step.servers, index);
   } else {
     const auto timer = std::ranges::find_if(timers_, [index](const Timer& each) {

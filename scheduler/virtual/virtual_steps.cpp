@@ -61,14 +61,9 @@ void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from, Nanos w
 /// Who follows hears that so much is drawn beside what servers do, for a time.
 void VirtualTime::draw_for(std::size_t servers, double watts, Nanos time) {
   tell(&RunObserver::drawing, servers, watts);
-  if (free_draws_.empty()) {
-    free_draws_.push_back(static_cast<std::uint32_t>(draws_.size()));
-    draws_.emplace_back();
-  }
-  const std::uint32_t place = free_draws_.back();
-  free_draws_.pop_back();
-  draws_[place] = {servers, watts};
-  add_timer(now_ + time, TimerKind::kDrawn, place);
+  const Slot slot = draws_.take();
+  draws_[slot] = {servers, watts};
+  add_timer(now_ + time, TimerKind::kDrawn, slot);
 }
 
 /// Sets what the step takes, where that is not always the same.

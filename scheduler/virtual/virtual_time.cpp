@@ -98,11 +98,7 @@ void VirtualTime::close_books(Nanos end) {
   Books books = books_;
   for (const auto& servers : servers_) {
     for (const auto& [index, remaining] : servers->remaining(end)) {
-      const Job& job = jobs_[index];
-      const Nanos served = job.takes - remaining;
-      if (served <= Nanos::zero()) continue;
-      const double part = to_s(served) / to_s(job.takes);
-      charge(books, job, served, scaled(job.powered, part));
+      charge_served(books, jobs_[index], remaining);
     }
   }
   for (const Timer& timer : timers_) {
@@ -192,7 +188,7 @@ bool VirtualTime::advance(Nanos now) {
         break;
       case TimerKind::kDrawn:
         tell(&RunObserver::drawing, draws_[due.index].first, -draws_[due.index].second);
-        free_draws_.push_back(due.index);
+        draws_.give_back(due.index);
         break;
     }
   }
@@ -406,6 +402,13 @@ void VirtualTime::work_on(JobIndex index, const CallStep& step) {
 void VirtualTime::charge(Books& books, const Job& job, Nanos served, Nanos powered) const {
   books.charge(step_of(job), job.unit, served, powered,
                job.own_w == 0 ? 0 : job.own_w * to_s(served));
+}
+
+/// The same of one that still needs so much.
+void VirtualTime::charge_served(Books& books, const Job& job, Nanos remaining) const {
+  const Nanos served = job.takes - remaining;
+  if (served <= Nanos::zero()) return;
+  charge(books, job, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
 }
 
 /// Of the job's delay so much has passed, and no more of it will.

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "scheduler/dispatcher/dispatcher.h"
+#include "scheduler/dispatcher/slot_table.h"
 #include "scheduler/record/tally.h"
 #include "scheduler/services/call_plan.h"
 #include "scheduler/services/scenario.h"
@@ -90,7 +91,7 @@ class VirtualTime final : private Servers::Owner {
   enum class TimerKind : std::uint8_t {
     kFires,  ///< A pipeline.
     kDelay,  ///< A job's delay ends.
-    kDrawn,  ///< Something has been drawn: a position in draws_.
+    kDrawn,  ///< Something has been drawn: a slot of draws_.
   };
   /// A step of a plan, laid out for the run: those of a task on a unit follow each other, and then
   /// one without a plan.
@@ -121,6 +122,7 @@ class VirtualTime final : private Servers::Owner {
   void measure(JobIndex job, const CallStep& step);
   Nanos begins(JobId job, Nanos work) override;
   void charge(Books& books, const Job& job, Nanos served, Nanos powered) const;
+  void charge_served(Books& books, const Job& job, Nanos remaining) const;
   void charge_delay(JobIndex job, Nanos passed);
   [[nodiscard]] double part_served(const Job& job, Nanos busy) const;
   void work_on(JobIndex job, const CallStep& step);
@@ -183,9 +185,8 @@ class VirtualTime final : private Servers::Owner {
   CallEffects call_effects_;
   std::vector<CallEffects::Slowed> slowed_;
   /// Servers, and what is drawn beside them; only where somebody follows.
-  std::vector<std::pair<std::size_t, double>> draws_;
-  std::vector<std::uint32_t> free_draws_;  ///< Positions there that are over.
-  std::optional<Tally> at_end_;            ///< What is returned.
+  SlotTable<std::pair<std::size_t, double>> draws_;
+  std::optional<Tally> at_end_;  ///< What is returned.
   Nanos now_{0};
 };
 

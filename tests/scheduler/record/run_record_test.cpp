@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "scheduler/record/interval.h"
 #include "tests/scheduler/support.h"
 #include "workloads/base/text/json.h"
 
@@ -131,6 +132,11 @@ TEST(RunRecord, LoadsFromAFileAndSaysWhatIsWrongWithIt) {
   std::filesystem::remove(path);
   EXPECT_THAT(bad_input([&] { static_cast<void>(load_run_record(path)); }),
               HasSubstr(path.string()));
+}
+
+TEST(IntervalsOf, AFigureThatTheFirstRedrawDoesNotHaveHasOneToo) {
+  const std::vector<RunFigures> redrawn = {{}, {{"a", 1.0}}, {{"a", 3.0}}};
+  EXPECT_EQ(intervals_of(redrawn).at("a"), (FigureInterval{1, 3}));
 }
 
 }  // namespace

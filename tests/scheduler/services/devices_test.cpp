@@ -107,6 +107,21 @@ TEST(Devices, AMetersRestIsIdleAndWhatItDrawsMoreWhenOpenIsHeld) {
   EXPECT_EQ(set.standing_w(), 30) << "the user said it";
 }
 
+TEST(Devices, UnitsOnOneBoardShareWhatItDraws) {
+  Profile profile = profile_of(true);
+  RunInfo& run = profile.runs.front();
+  run.units[0] = {"cpu", "opencl", "a gpu", false, {}};
+  for (const auto* unit : {"cpu", "gpu"}) {
+    const std::string meter = std::string("meter.") + unit;
+    run.environment[meter] = "nvml: nvidia/0000:01:00.0 (gpu)";
+    run.environment[meter + ".idle_w"] = "79";
+    run.environment[meter + ".awake_w"] = "124";
+  }
+  const UnitModel gpu = on_devices(board(), &profile).unit("gpu");
+  EXPECT_EQ(gpu.idle_w, 39.5);
+  EXPECT_EQ(gpu.held_w, 22.5);
+}
+
 TEST(Devices, ARunIsChargedForHoldingADeviceOpen) {
   const Profile profile = profile_of(true);
   // 100 calls of 0.05 J, at 124 W and the 1 W of the CPU for a second.

@@ -1,6 +1,8 @@
 // Services from platform files and from profiles.
 #include "scheduler/services/services.h"
 
+#include "scheduler/services/call_plan.h"
+#include "scheduler/services/conditions.h"
 #include "tests/scheduler/support.h"
 
 namespace pirt::test {
@@ -61,12 +63,16 @@ TEST(Services, TakeStagesAndEnergyFromThePlatform) {
   EXPECT_FALSE(gpu.stages[1].on);
   EXPECT_EQ(gpu.stages[1].name, "delay");
   EXPECT_EQ(gpu.total(), from_ms(9));  // 2 + 1 + the mean of [4, 8].
-  EXPECT_EQ(gpu.bottleneck(1), from_ms(6));
-  EXPECT_EQ(gpu.bottleneck(0), from_ms(2));
+  const auto platform = platform_of(kPlatform);
+  const CallPlan call = plan_call(platform, table, 0, 1, {});
+  EXPECT_EQ(call.takes(Taken::kMean), gpu.total());
+  EXPECT_EQ(call.bottleneck(1), from_ms(6));
+  EXPECT_EQ(call.bottleneck(0), from_ms(2));
   EXPECT_EQ(gpu.time_provenance, Provenance::kPublished);
   EXPECT_DOUBLE_EQ(gpu.extra_j, 0.5);
   const Service& cloud = *table.find(0, 2);
-  EXPECT_EQ(cloud.bottleneck(2), from_ms(50));  // No stage on itself: the longest of all.
+  // No stage on itself: the longest of all.
+  EXPECT_EQ(plan_call(platform, table, 0, 2, {}).bottleneck(2), from_ms(50));
   EXPECT_DOUBLE_EQ(cloud.extra_j, 0.25);
   EXPECT_EQ(table.find(0, 0), nullptr);
   EXPECT_EQ(table.entries[0][0].reason, "no profile given");
@@ -256,6 +262,28 @@ TEST(Services, SayWhatStrictCountsAsNothing) {
   options.strict = true;
   EXPECT_THAT(services_of(&profile, options).warnings,
               ElementsAre(HasSubstr("counted as nothing: 2, of cpu, gpu")));
+}
+
+TEST(Services, DoNotTakeAnExceededPeakForWhatACallWaitsFor) {
+  PhaseRow steady = row("cpu", Phase::kExecute, 4000);
+  steady.ops = 1;
+  steady.bytes = 1000;
+  Profile profile = profile_of({steady});
+  steady.condition = Condition::kColdCache;
+  profile.conditions = {steady};
+  for (const PeakKind kind : {PeakKind::kBandwidthMemory, PeakKind::kF32}) {
+    PeakRow peak;
+    peak.unit = "cpu";
+    peak.kind = kind;
+    peak.per_second = 1e9;
+    profile.peaks.push_back(peak);
+  }
+  const auto streams = [&] {
+    return call_conditions(profile, "fc8", "cpu", 1000, Draw::kMedian, false).value().streams;
+  };
+  EXPECT_TRUE(streams());
+  profile.peaks.front().reasons = {"exceeded by fc8"};
+  EXPECT_FALSE(streams());
 }
 
 TEST(Services, ModelEnergyAnewButBelieveAMeter) {
