@@ -16,6 +16,16 @@ constexpr int kMostTurns = 4;
 
 }  // namespace
 
+runtime::Atomic<int>& runtime::forks() {
+  static constinit Atomic<int> count = 0;
+  return count;
+}
+
+void runtime::check_process(int before) {
+  if (forks().load(std::memory_order_relaxed) == before) return;
+  throw_environment("this process was forked after the runtime was made; make it afterwards");
+}
+
 thread_local bool runtime::MustNotWait::here_ = false;
 
 void runtime::MustNotWait::check(const char* what) {
@@ -119,7 +129,7 @@ UnitMask Runtime::Engine::units_named(const std::vector<std::string>& names) con
 
 Runtime::Engine::Submitted& Runtime::Engine::take_record() {
   try {
-    return records_.slab.take();
+    return records_->take();
   } catch (...) {  // No memory.
     room_.leave();
     throw;
@@ -128,6 +138,7 @@ Runtime::Engine::Submitted& Runtime::Engine::take_record() {
 
 TaskFuture Runtime::Engine::submit(std::size_t index, std::vector<TaskInput> inputs,
                                    TaskOptions options, Callback callback) {
+  runtime::check_process(forks_);
   const Known& known = workloads_[index];
   check_inputs(*known.workload, inputs);
   for (const TaskFuture& before : options.after) {
@@ -152,6 +163,7 @@ TaskFuture Runtime::Engine::submit(std::size_t index, std::vector<TaskInput> inp
   Submitted& task = take_record();
   task.begin();
   task.engine = number_of_engine_;
+  task.forks = forks_;
   task.workload = known.workload;
   task.workload_index = index;
   task.eligible = eligible;
@@ -170,17 +182,15 @@ TaskFuture Runtime::Engine::submit(std::size_t index, std::vector<TaskInput> inp
 Runtime::Engine::Prospect Runtime::Engine::prospect(const Submitted& task) {
   if (task.options.expires) return Prospect::kUrgent;
   Prospect so_far = Prospect::kReady;
-  const auto follow = [&](const Submitted* before) {
-    if (before == nullptr || so_far == Prospect::kUrgent) return;
-    const int decided = before->decided.load(std::memory_order_acquire);
+  visit_before(task, [&](const Submitted& before) {
+    if (so_far == Prospect::kUrgent) return;
+    const int decided = before.decided.load(std::memory_order_acquire);
     if (decided == Submitted::kLive) {
       so_far = Prospect::kWaits;
     } else if (decided != static_cast<int>(TaskEnd::kCompleted)) {
       so_far = Prospect::kUrgent;
     }
-  };
-  for (const TaskInput& input : task.inputs) follow(input.output_.task.get());
-  for (const TaskFuture& before : task.options.after) follow(before.task_.get());
+  });
   return so_far;
 }
 
@@ -198,6 +208,7 @@ bool Runtime::Engine::may_wait(Prospect prospect, std::uint64_t turns) {
 }
 
 void Runtime::Engine::cancel(const TaskFuture& task) {
+  runtime::check_process(forks_);
   if (!task.valid() || task.task_->engine != number_of_engine_) {
     throw_bad_input("cancel: the task is none of this runtime");
   }
@@ -210,6 +221,7 @@ void Runtime::Engine::cancel(const TaskFuture& task) {
 }
 
 void Runtime::Engine::cancel_all() {
+  runtime::check_process(forks_);
   {
     const std::lock_guard lock(asking_);
     cancels_all_ = true;
@@ -219,11 +231,13 @@ void Runtime::Engine::cancel_all() {
 }
 
 void Runtime::Engine::wait_all() {
+  runtime::check_process(forks_);
   runtime::MustNotWait::check("waiting for tasks");
   room_.wait_until_empty();
 }
 
 RuntimeStatistics Runtime::Engine::statistics() {
+  runtime::check_process(forks_);
   TaskChain ended;
   auto turn = turn_.take();
   take_turn();  // What is submitted is counted.
@@ -235,14 +249,7 @@ RuntimeStatistics Runtime::Engine::statistics() {
   statistics.live = statistics.submitted - statistics.completed - statistics.failed -
                     statistics.dropped - statistics.expired - statistics.cancelled;
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
-    const Unit& each = units_[unit];
-    if (!live_units_.has(unit)) continue;
-    statistics.units.push_back({.name = options_.platform.units[unit].name,
-                                .in_service = each.in_service,
-                                .completed = each.completed,
-                                .busy = each.busy,
-                                .powered = each.powered,
-                                .latency = each.latency});
+    if (live_units_.has(unit)) statistics.units.push_back(units_[unit]);
   }
   end_turn(turn, ended);
   tell(ended, Thread::kTheirs);
@@ -255,6 +262,7 @@ std::vector<Tensor> Runtime::Engine::state(std::string_view name) {
   if (known == state_names_.end()) {
     throw_bad_input("no workload of this runtime has a state '" + std::string(name) + "'");
   }
+  runtime::check_process(forks_);
   auto turn = turn_.take();
   auto copy = copy_tensors(live_units_.state(known->second).committed());
   turn.give_back();
@@ -300,6 +308,8 @@ void Runtime::Engine::work(Thread thread) {
 }
 
 void Runtime::Engine::end_turn(runtime::Turn::Held& turn, TaskChain& ended) {
+  const runtime::MustNotWait within;
+  const std::vector<Tensor> freed = std::exchange(freed_, {});  // Until the turn is over.
   ended.append(ended_);
   const bool idle = running_ == 0;
   Nanos due = dispatcher_->next_wake();

@@ -19,6 +19,7 @@
 #include "scheduler/runtime/bell.h"
 #include "scheduler/runtime/latch.h"
 #include "scheduler/runtime/live_units.h"
+#include "scheduler/runtime/must_not_wait.h"
 #include "scheduler/runtime/room.h"
 #include "scheduler/runtime/runtime.h"
 #include "scheduler/runtime/samples.h"
@@ -41,6 +42,7 @@ struct runtime::Submitted {
 
   // Before it is submitted, and read only from then on.
   std::uint64_t engine = 0;            ///< A number of its own: addresses come again.
+  int forks = 0;                       ///< As forks() was when its runtime was made.
   const Workload* workload = nullptr;  ///< Of a runtime that has not ended.
   std::size_t workload_index = 0;
   UnitMask eligible = 0;
@@ -55,7 +57,7 @@ struct runtime::Submitted {
   Call call;         ///< Its unit's while it runs; its outputs stay the task's.
 
   // The engine's.
-  std::vector<TaskInput> inputs;
+  std::vector<TaskInput> inputs;  ///< Until it is told, as `after` of its options.
   TaskId id = kNoTask;
   FiringId firing = kNoTask;
   std::optional<Recall> recall;
@@ -88,22 +90,12 @@ struct runtime::Submitted {
 
 namespace runtime {
 
-/// While one of these is there, its thread must not wait for tasks: it would wait for itself.
-class MustNotWait {
- public:
-  MustNotWait() : before_(std::exchange(here_, true)) {}
-  ~MustNotWait() { here_ = before_; }
-  MustNotWait(const MustNotWait&) = delete;
-  MustNotWait& operator=(const MustNotWait&) = delete;
-
-  [[nodiscard]] static bool here() { return here_; }
-  /// @throws std::logic_error if the calling thread must not.
-  static void check(const char* what);
-
- private:
-  static thread_local bool here_;
-  bool before_;
-};
+/// How often this process, and those that it comes from, have forked since the first runtime: none
+/// of its threads is in a child.
+[[nodiscard]] Atomic<int>& forks();
+/// @param before  What it was when a runtime was made.
+/// @throws Error{kEnvironment} if this is no more the process that made it.
+void check_process(int before);
 
 /// Tasks in order, for one of which each is the engine.
 class TaskChain {
@@ -140,6 +132,7 @@ class Runtime::Engine final : private LiveDriver {
   ~Engine();
 
   [[nodiscard]] std::uint64_t number() const { return number_of_engine_; }
+  [[nodiscard]] bool is_here() const { return runtime::forks() == forks_; }
   [[nodiscard]] std::size_t find(std::string_view workload) const;
   /// @throws Error{kBadInput} if that is another one's.
   void check(std::uint64_t number) const;
@@ -167,13 +160,9 @@ class Runtime::Engine final : private LiveDriver {
     std::optional<StateId> state = {};  ///< Of live_units_.
     std::optional<RecallLead> lead = {};
   };
-  struct Unit {
-    bool in_service = true;
-    std::uint64_t heard = 0;  ///< KernelUnit::heard when it was asked last what it serves.
+  struct Unit : RuntimeStatistics::Unit {
+    std::uint64_t heard = 0;  ///< Remote::heard when it was asked last what it serves.
     int slots = 0, running = 0;
-    std::int64_t completed = 0;
-    Nanos busy{0}, powered{0};
-    Histogram latency;
   };
 
   /// Since the start.
@@ -203,6 +192,16 @@ class Runtime::Engine final : private LiveDriver {
   /// What is known of a task as it is submitted.
   enum class Prospect : std::uint8_t { kReady, kWaits, kUrgent };
   Submitted& take_record();
+  /// Each task that it comes after, in order.
+  template <typename Visit>
+  static void visit_before(const Submitted& task, const Visit& visit) {
+    for (const TaskInput& input : task.inputs) {
+      if (input.output_.task) visit(*input.output_.task);
+    }
+    for (const TaskFuture& before : task.options.after) {
+      if (before.task_) visit(*before.task_);
+    }
+  }
   [[nodiscard]] static Prospect prospect(const Submitted& task);
   [[nodiscard]] bool may_wait(Prospect prospect, std::uint64_t turns);
   static void post(runtime::Atomic<Submitted*>& list, Submitted& task, Submitted::Event event);
@@ -260,6 +259,7 @@ class Runtime::Engine final : private LiveDriver {
     return *reinterpret_cast<Submitted*>(token);  // NOLINT(performance-no-int-to-ptr): as made.
   }
   const std::uint64_t number_of_engine_;
+  const int forks_;
   RuntimeOptions options_;
   runtime::LiveClock clock_;
   Nanos began_ = clock_.now();
@@ -271,14 +271,10 @@ class Runtime::Engine final : private LiveDriver {
   std::optional<ModeSetup> setup_;
   Samples samples_;
 
-  struct SlabOwner {
-    runtime::Slab<Submitted>& slab = runtime::Slab<Submitted>::make();
-    SlabOwner() = default;
-    SlabOwner(const SlabOwner&) = delete;
-    SlabOwner& operator=(const SlabOwner&) = delete;
-    ~SlabOwner() { slab.close(); }
+  struct CloseSlab {
+    void operator()(runtime::Slab<Submitted>* slab) const { slab->close(); }
   };
-  SlabOwner records_;
+  std::unique_ptr<runtime::Slab<Submitted>, CloseSlab> records_{&runtime::Slab<Submitted>::make()};
 
   // What is posted for who has the turn, the newest first.
   runtime::Atomic<Submitted*> submitted_ = nullptr;
@@ -306,6 +302,7 @@ class Runtime::Engine final : private LiveDriver {
   std::vector<Submitted*> tasks_;  ///< By slot of their ids; null = not known.
   std::vector<TaskId> after_;
   TaskChain ended_;                     ///< To be told when the turn is over.
+  std::vector<Tensor> freed_;           ///< Inputs to let go of then: who hears may call it.
   bool some_did_not_complete_ = false;  ///< Of those that ended in the turn.
   UnitMask with_room_ = 0;              ///< Units that could start another task.
   Nanos now_{0};                        ///< Of the last event.

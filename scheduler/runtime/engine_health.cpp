@@ -1,8 +1,9 @@
 // Units and calls that do not do what they should, and the thread that looks after them.
 #include <algorithm>
+#include <iterator>
 
+#include "scheduler/runtime/begin_thread.h"
 #include "scheduler/runtime/engine.h"
-#include "workloads/base/system/thread.h"
 
 namespace pirt {
 /// A unit that cannot run one workload may well run others.
@@ -29,21 +30,21 @@ void Runtime::Engine::lose(UnitId unit) {
 }
 
 void Runtime::Engine::bring_back(std::string_view name) {
+  runtime::check_process(forks_);
   runtime::MustNotWait::check("bringing a unit back");
   const UnitModel& model = options_.platform.unit(name);
   const auto unit = static_cast<UnitId>(&model - options_.platform.units.data());
   const std::lock_guard one_at_a_time(bringing_back_);
-  bool known = false, lost = false, busy = false;
+  if (!live_units_.has(unit)) throw_bad_input("unit " + model.name + " computes nothing here");
+  bool lost = false, busy = false;
   {
     const auto turn = turn_.take();
-    known = live_units_.has(unit);
     lost = !units_[unit].in_service;
-    if (known && !lost) static_cast<void>(ask_for_all(unit));
-    busy = known && lost && !live_units_.at(unit).abandoned() &&
+    if (!lost) static_cast<void>(ask_for_all(unit));
+    busy = lost && !live_units_.at(unit).abandoned() &&
            dispatcher_->running(unit) + dispatcher_->suspended(unit) > 0;
   }
   work(Thread::kTheirs);  // What was posted for who had the turn.
-  if (!known) throw_bad_input("unit " + model.name + " computes nothing here");
   if (!lost) return;
   if (busy) {
     throw_environment("unit " + model.name + " has calls that have not ended; try again later");
@@ -97,7 +98,7 @@ void Runtime::Engine::hear_of_others() {
 void Runtime::Engine::look() {
   dispatcher_->wake(now_, effects_);
   apply();
-  live_units_.look_for_hung();
+  live_units_.look_for_hung(began_ + look_at_);
   look_for_reach();
   look_at_ =
       std::min(later_by(now_, live_units_.look_every()), live_units_.next_overdue() - began_);
@@ -132,7 +133,12 @@ LiveDriver::Expectation Runtime::Engine::expected(UnitId unit, const Call& call)
 /// The record is the call's own from then on, if the call is its unit's.
 void Runtime::Engine::give_up(UnitId, Call& call, CallEnd end) {
   Submitted& task = task_at(call.token);
-  if (end.outcome == Outcome::kFailed) TaskRef::hold(task);
+  if (end.outcome == Outcome::kFailed) {
+    TaskRef::hold(task);
+  } else {
+    std::ranges::move(call.inputs, std::back_inserter(freed_));
+    call.let_go();
+  }
   task.call_end = std::move(end);
   task.event = Submitted::Event::kEnd;
   take_event(task);
@@ -152,8 +158,7 @@ void Runtime::Engine::watch_by(Nanos due) {
 
 /// With nothing that runs and nothing to come it sleeps until somebody wakes it.
 void Runtime::Engine::watch(const std::stop_token& stop) {
-  name_thread("pirt-watch");
-  take_class_of_process();
+  runtime::begin_thread("pirt-watch", live_units_.cores());
   static_cast<void>(take_priority(options_.priority));
   while (!stop.stop_requested()) {
     const Nanos at = watch_at_;

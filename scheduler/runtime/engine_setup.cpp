@@ -1,5 +1,6 @@
 // Starting a runtime: its workloads, what they cost, and its units.
 #include <fmt/core.h>
+#include <pthread.h>
 
 #include <algorithm>
 #include <limits>
@@ -28,6 +29,12 @@ constexpr Nanos kUnknownTime = std::chrono::milliseconds(1);
 std::uint64_t next_number() {
   static runtime::Atomic<std::uint64_t> engines = 0;
   return ++engines;
+}
+
+int counted_forks() {
+  static const int failed = ::pthread_atfork(nullptr, nullptr, [] { ++runtime::forks(); });
+  static_cast<void>(failed);
+  return runtime::forks();
 }
 
 /// A list, a filter's state or a network's numbers are none.
@@ -64,6 +71,7 @@ Nanos checked_spin(Nanos spin) {
 
 Runtime::Engine::Engine(RuntimeOptions options)
     : number_of_engine_(next_number()),
+      forks_(counted_forks()),
       options_(on_devices_of_profile(std::move(options))),
       samples_(1),
       room_(checked(options_.most_tasks)),
@@ -104,6 +112,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
   }
   list_states();
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
+    units_[unit].name = options_.platform.units[unit].name;
     units_[unit].slots = setup_->slots[unit].value_or(std::numeric_limits<int>::max());
   }
   dispatcher_.emplace(setup_->slots, std::move(setup_->policy));
@@ -113,7 +122,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
         DispatcherSetup{&setup_->mode.policy, options_.platform.unit_names(), setup_->slots,
                         setup_->policy_setup},
         "live");
-    trace_ = std::make_unique<TraceThread>(*writer_);
+    trace_ = std::make_unique<TraceThread>(*writer_, live_units_.cores());
     dispatcher_->observe(&*trace_);
   }
   take_first_inputs();

@@ -68,14 +68,11 @@ Task Runtime::Engine::dispatched(const Submitted& task) {
   const Known& known = workloads_[task.workload_index];
   const Nanos now = task.submitted_at;
   after_.clear();
-  const auto follow = [&](const Submitted* before) {
-    if (before == nullptr) return;
-    const int decided = before->decided.load(std::memory_order_relaxed);
+  visit_before(task, [&](const Submitted& before) {
+    const int decided = before.decided.load(std::memory_order_relaxed);
     if (decided == static_cast<int>(TaskEnd::kCompleted)) return;
-    after_.push_back(decided == Submitted::kLive ? before->id : kNoTask);
-  };
-  for (const TaskInput& input : task.inputs) follow(input.output_.task.get());
-  for (const TaskFuture& before : task.options.after) follow(before.task_.get());
+    after_.push_back(decided == Submitted::kLive ? before.id : kNoTask);
+  });
   Task submitted;
   submitted.kind = setup_->scenario.classes[task.workload_index][0];
   const UnitMask willing = task.eligible & ~known.gave_up;
@@ -181,29 +178,21 @@ void Runtime::Engine::cancel_asked() {
 
 /// The first of those that the task comes after and that did not complete, in its own words.
 std::string Runtime::Engine::why_dropped(const Submitted& task) {
-  const auto says = [&task](const Submitted* before) -> std::string {
-    if (before == nullptr || !before->is_decided() ||
-        before->decided.load() == static_cast<int>(TaskEnd::kCompleted)) {
-      return "";
-    }
-    static constexpr std::string_view kSince = ": dropped, since ";
-    const auto end = static_cast<TaskEnd>(before->decided.load());
+  static constexpr std::string_view kSince = ": dropped, since ";
+  std::string why;
+  visit_before(task, [&](const Submitted& before) {
+    if (!why.empty() || !before.is_decided()) return;
+    const auto end = static_cast<TaskEnd>(before.decided.load());
+    if (end == TaskEnd::kCompleted) return;
     std::string first =
-        before->problem.empty()
-            ? before->workload->name + " before it has ended as " + std::string(to_string(end))
-            : before->problem;
+        before.problem.empty()
+            ? before.workload->name + " before it has ended as " + std::string(to_string(end))
+            : before.problem;
     if (const auto since = first.find(kSince); since != std::string::npos) {
       first.erase(0, since + kSince.size());
     }
-    return task.workload->name + std::string(kSince) + first;
-  };
-  std::string why;
-  for (const TaskInput& input : task.inputs) {
-    if (why.empty()) why = says(input.output_.task.get());
-  }
-  for (const TaskFuture& before : task.options.after) {
-    if (why.empty()) why = says(before.task_.get());
-  }
+    why = task.workload->name + std::string(kSince) + first;
+  });
   return why;
 }
 
@@ -304,8 +293,6 @@ void Runtime::Engine::forget(Submitted& task) {
     dispatcher_->release(task.firing, now_);
     tasks_[slot_of(task.id)] = nullptr;
   }
-  task.inputs.clear();
-  task.options.after.clear();
 }
 
 }  // namespace pirt

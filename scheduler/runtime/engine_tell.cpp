@@ -28,12 +28,15 @@ void Runtime::Engine::add_problem(std::string problem) {
   problems_.add(std::move(problem));
 }
 
-/// Without the turn: callbacks may submit.
+/// Without the turn: callbacks, and who hears that an input is free, may submit.
 void Runtime::Engine::tell(TaskChain& ended, Thread thread) {
+  const runtime::MustNotWait within;
   const bool ours = thread == Thread::kOurs;
   bool posted = false;
   while (!ended.empty()) {
     TaskRef task(ended.take_first());
+    task->inputs.clear();
+    task->options.after.clear();
     if (!task->callback) {
       told(std::move(task));
     } else if (ours) {

@@ -6,9 +6,11 @@
 #include <cstring>
 #include <utility>
 
+#include "scheduler/runtime/begin_thread.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/pause.h"
 #include "workloads/base/system/thread.h"
+#include "workloads/model/device_choice.h"
 #include "workloads/model/own_operation.h"
 #include "workloads/model/ranges.h"
 #include "workloads/model/slices.h"
@@ -35,7 +37,7 @@ struct Unbinding {
 };
 
 /// A value that is out of its range might be an endless loop, or a state that is no state any more.
-/// @param own  A function of the robot's own takes what it likes where it says nothing of it.
+/// @param own  What is not pirt's takes what it likes where it says nothing of it.
 /// @throws Error{kBadInput}
 void check_values(const Call& call, bool own) {
   for (std::size_t i = 0; i < call.inputs.size(); ++i) {
@@ -87,8 +89,6 @@ void KernelUnit::leave(std::unique_ptr<KernelUnit> unit) {
   stays.stayed_before_ = newest.exchange(&stays);
 }
 
-bool KernelUnit::is_over_start(Nanos most) { return started_.wait_for(most); }
-
 bool KernelUnit::wait_until_ready(Nanos most) {
   const bool over = is_over_start(most);
   if (over && failure_ != nullptr) std::rethrow_exception(failure_);
@@ -133,8 +133,6 @@ bool KernelUnit::stop_call(Lane& lane, const runtime::RunningCall::Seen& call) {
   lane.running.act_within(call.number, [&] { is_news = lane.stop.request_stop(); });
   return is_news;
 }
-
-bool KernelUnit::request_stop(const Running& call) { return stop_call(lanes_[call.lane], call); }
 
 void KernelUnit::request_stop(Call& call) {
   // Before it is looked for: one that begins meanwhile looks at this when it has.
@@ -203,8 +201,7 @@ void KernelUnit::queue_posted() {
 }
 
 void KernelUnit::serve() {
-  name_thread(name());
-  take_class_of_process();
+  runtime::begin_thread(name(), setup_.cores);
   for (Lane& lane : lanes_) lane.unit = this;
   tell_stop_of_call(&lanes_.front().stop);
   std::vector<runtime::Thread> others;
@@ -346,7 +343,7 @@ KernelUnit::Prepared& KernelUnit::prepare(Lane& lane, const Preparation& prepara
   made->kernel = preparation.function ? std::make_unique<FunctionKernel>(preparation.function)
                                       : device_->prepare(workload, preparation.sample->parameters);
   made->function = dynamic_cast<FunctionKernel*>(made->kernel.get());
-  made->own = static_cast<bool>(preparation.function);
+  made->own = preparation.function || own_operation(workload) != nullptr;
   return *lane.kernels.emplace_back(std::move(made));
 }
 
@@ -439,6 +436,8 @@ void KernelUnit::try_to_open() {
   if (!lost_) return;
   try {
     device_ = setup_.backend->open(setup_.request);
+    const std::string other = other_device(*device_info_, device_->info());
+    if (!other.empty()) throw_environment(name() + " has " + other);
     if (auto memory = device_->output_memory()) output_memory_ = std::move(memory);
     lost_ = false;
   } catch (const Error&) {  // Not yet, then.

@@ -45,8 +45,9 @@ struct UnitSetup {
   /// It holds one program at a time: a call of another one than the last prepares all of that
   /// again. At first it holds that of the first preparation.
   std::optional<Contexts> contexts = {};
-  int lanes = 1;     ///< Calls at a time; above 1 only where the device is a Remote.
-  int priority = 0;  ///< Above 0: of real-time scheduling, first in first out.
+  int lanes = 1;                ///< Calls at a time; above 1 only where the device is a Remote.
+  std::vector<int> cores = {};  ///< As begin_thread, until the device takes those of `request`.
+  int priority = 0;             ///< Above 0: of real-time scheduling, first in first out.
   /// How long who waits for a call stays awake before it sleeps: waking up takes longer than short
   /// kernels do.
   Nanos spin{0};
@@ -87,7 +88,7 @@ class KernelUnit {
   void stop();
   /// Until its start is over, well or not, or @p most is.
   /// @return  Whether it is.
-  [[nodiscard]] bool is_over_start(Nanos most);
+  [[nodiscard]] bool is_over_start(Nanos most) { return started_.wait_for(most); }
   /// Until the device is open and all is prepared, or @p most is over.
   /// @return  Whether it is.
   /// @throws What opening and preparing throw.
@@ -124,7 +125,7 @@ class KernelUnit {
   /// @param call  That it was given and that is not done.
   void request_stop(Call& call);
   /// The same of one that runs. @return  Whether that is news.
-  bool request_stop(const Running& call);
+  bool request_stop(const Running& call) { return stop_call(lanes_[call.lane], call); }
   [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
   /// What it computes on, once it is ready; null = only functions run there.
   [[nodiscard]] const DeviceInfo* device() const { return device_info_ ? &*device_info_ : nullptr; }

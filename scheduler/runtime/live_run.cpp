@@ -211,7 +211,7 @@ class LiveRun final : public Executor, private LiveDriver {
       const Nanos next = closing_ ? Nanos::max() : time_.next();
       if (closing_ && computing_ == 0) return;
       if (now() >= look) {
-        look_after();
+        look_after(start_ + look);
         look = now() + kLook;
       } else if (next <= now()) {
         time_.advance(now());
@@ -225,8 +225,8 @@ class LiveRun final : public Executor, private LiveDriver {
   }
 
   /// Takes units out of service whose call does not end, and hears of signals.
-  void look_after() {
-    units_.look_for_hung();
+  void look_after(Nanos due) {
+    units_.look_for_hung(due);
     units_.look_for_reach();
     const int stops = options_.stop ? options_.stop() : 0;
     if (stops > 0 && !result_.stopped) {
@@ -259,7 +259,11 @@ class LiveRun final : public Executor, private LiveDriver {
   }
   void give_up(UnitId, Call& call, CallEnd end) override {
     const auto job = static_cast<JobIndex>(call.token);
-    if (end.outcome == Outcome::kFailed) static_cast<void>(calls_[job].release());
+    if (end.outcome == Outcome::kFailed) {
+      static_cast<void>(calls_[job].release());
+    } else {
+      call.let_go();
+    }
     if (!end.problem.empty()) problems_.add(std::move(end.problem));
     end_computing(job, {.outcome = end.outcome, .busy = end.busy});
   }

@@ -4,9 +4,9 @@
 
 #include "characterize/platform/elsewhere.h"
 #include "characterize/platform/unit_request.h"
+#include "scheduler/runtime/must_not_wait.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/base/system/affinity.h"
 
 namespace pirt {
 namespace {
@@ -14,6 +14,9 @@ namespace {
 /// How often it is asked whether to go on while units start.
 constexpr Nanos kLookForStop = std::chrono::milliseconds(50);
 constexpr Nanos kLeastLook = std::chrono::milliseconds(1);
+constexpr Nanos kMostLook = std::chrono::seconds(1);
+/// Who looks so much later than he was to was stopped himself (Ctrl-Z, a debugger).
+constexpr Nanos kStoodStill = std::chrono::seconds(2);
 /// How often it is asked whether what is elsewhere is within reach.
 constexpr Nanos kLookForReach = std::chrono::milliseconds(50);
 /// A start takes seconds; with an emulator, and everything compiled anew, some minutes.
@@ -27,7 +30,7 @@ LiveUnits::LiveUnits(const Platform& platform, LiveUnitsOptions options, LiveDri
     : platform_(platform),
       options_(std::move(options)),
       driver_(driver),
-      look_every_(std::max(options_.time_limit.value_or(kLeastTimeLimit), kLeastLook)),
+      look_every_(std::clamp(options_.time_limit.value_or(kMostLook), kLeastLook, kMostLook)),
       returns_(platform.units.size()),
       out_of_reach_(platform.units.size()),
       units_(platform.units.size()) {}
@@ -40,7 +43,7 @@ void LiveUnits::open(std::map<UnitId, std::vector<Preparation>> preparations) {
   });
   // Who spins on the core that a woken thread was put on keeps that from beginning; where each has
   // a core that is rare, and what is woken takes longer than that.
-  if (static_cast<std::size_t>(here) <= current_cores().size()) spin_ = options_.spin;
+  if (static_cast<std::size_t>(here) <= cores_.size()) spin_ = options_.spin;
   for (auto& [unit, each] : preparations) units_[unit] = make(unit, std::move(each));
 }
 
@@ -54,6 +57,7 @@ std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation
                 .prepare_first = options_.prepare_first,
                 .contexts = model.contexts,
                 .lanes = model.measured() ? model.servers : 1,
+                .cores = cores_,
                 .priority = options_.priority,
                 .spin = is_elsewhere(model) ? Nanos::zero() : std::min(spin_, model.spin),
                 .keeps = options_.keeps,
@@ -63,7 +67,10 @@ std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation
                                      })
                                    : nullptr},
       [this, unit](Call& call, CallEnd& end) {
-        call.inputs.clear();  // What it shares is to be written again when nobody else has it.
+        {
+          const runtime::MustNotWait within;  // Who hears that it is free may submit.
+          call.inputs.clear();  // What it shares is to be written again when nobody else has it.
+        }
         if (end.outcome == Outcome::kReturned) call.outputs = nullptr;  // They may hold the device.
         driver_.ended(unit, call, end);
       });
@@ -147,16 +154,19 @@ void LiveUnits::fill(UnitId unit, Call& call, const Workload& workload,
   if (recall && contains(recall->from, unit)) call.wanted_until = began + recall->at;
 }
 
-void LiveUnits::look_for_hung() {
+void LiveUnits::look_for_hung(Nanos due) {
+  const Nanos now = clock_.now();
+  if (now - due > kStoodStill) counts_from_ = now;
   next_overdue_ = Nanos::max();
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     if (units_[unit] == nullptr) continue;
     for (const KernelUnit::Running& call : units_[unit]->running()) {
       const auto limit = limit_of(unit, *call.call);
       if (!limit) continue;
-      const Nanos ran = clock_.now() - call.since;
+      const Nanos since = std::max(call.since, counts_from_);
+      const Nanos ran = now - since;
       if (ran <= *limit) {
-        next_overdue_ = std::min(next_overdue_, later_by(call.since, *limit));
+        next_overdue_ = std::min(next_overdue_, later_by(since, *limit));
       } else if (!units_[unit]->is_remote()) {
         // Before the next unit is looked at, whose call hangs as well: what starts there meanwhile
         // is behind that one.
@@ -179,12 +189,13 @@ void LiveUnits::give_up(UnitId unit, Call& call, Nanos ran, const std::vector<Ca
         {.outcome = Outcome::kFailed,
          .problem = outer->workload->name + ": left for " + call.workload->name + ", which hangs"});
   }
-  give_up_for_good(unit, call,
-                   {.outcome = Outcome::kFailed,
-                    .busy = ran,
-                    .problem = overdue(call.workload->name, units_[unit]->name(), ran)});
+  give_up_for_good(
+      unit, call,
+      {.outcome = Outcome::kFailed,
+       .busy = ran,
+       .problem = call.workload->name + " on " + units_[unit]->name() + ": no end after " +
+                  std::to_string(to_ms(ran)) + " ms; the unit is out of service from then on"});
   for (Call* const each : behind) {
-    each->let_go();  // Nobody has begun with it: what it reads is to be free for others.
     driver_.give_up(unit, *each, {.outcome = Outcome::kReturned});
   }
 }

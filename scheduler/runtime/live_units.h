@@ -58,7 +58,7 @@ class LiveDriver {
   [[nodiscard]] virtual Expectation expected(UnitId unit, const Call& call) = 0;
   virtual void set_unit(UnitId unit, UnitState state) = 0;
   /// The call never ends: kFailed, and it is its unit's for good; or it will not begin, on a unit
-  /// that has gone: kReturned.
+  /// that has gone: kReturned, and what it reads is to be free for others.
   virtual void give_up(UnitId unit, Call& call, CallEnd end) = 0;
 
  protected:
@@ -97,6 +97,9 @@ class LiveUnits {
   /// Waits for the calls that run, but for those that hang; nothing runs from then on.
   void close();
 
+  /// For threads that serve the run: all that this program may use, wherever who made this is
+  /// bound.
+  [[nodiscard]] const std::vector<int>& cores() const { return cores_; }
   [[nodiscard]] bool has(UnitId unit) const { return units_[unit] != nullptr; }
   [[nodiscard]] const KernelUnit& at(UnitId unit) const { return *units_[unit]; }
   /// A state that calls are filled with, the next one.
@@ -128,11 +131,13 @@ class LiveUnits {
   /// Calls that do not end: their units are abandoned, and nothing is heard of their calls any
   /// more; a state that one has is as it was before it. One that does not end elsewhere is
   /// withdrawn, and its unit stays in service.
-  void look_for_hung();
+  /// @param due  When it was to look, by LiveClock: where that is long ago the process was stopped,
+  ///             and no call ran.
+  void look_for_hung(Nanos due);
   /// When the first of the calls that ran then will have run too long; by LiveClock.
   [[nodiscard]] Nanos next_overdue() const { return next_overdue_; }
-  /// So often calls that run are to be looked at: no call may take less; and what is elsewhere may
-  /// get out of reach at any time.
+  /// So often calls that run are to be looked at: no call may take less, and a process that stood
+  /// still is to be told; what is elsewhere may get out of reach at any time.
   [[nodiscard]] Nanos look_every() const { return look_every_; }
 
   /// Units whose device is out of reach or lost, or there again, since this was asked last. One
@@ -170,11 +175,13 @@ class LiveUnits {
   const Platform& platform_;
   LiveUnitsOptions options_;
   LiveDriver& driver_;
+  const std::vector<int> cores_ = usable_cores();
   runtime::LiveClock clock_;
   OutputPool outputs_;
   std::vector<std::shared_ptr<StateValue>> states_;
   Nanos spin_{0};  ///< Of units that compute here.
   Nanos look_every_{0};
+  Nanos counts_from_{0};  ///< The time of calls that began before.
   Nanos next_overdue_ = Nanos::max();
   std::vector<std::map<WorkloadId, int>> returns_;  ///< By unit; of those that gave any back.
   std::vector<std::optional<Nanos>> out_of_reach_;  ///< By unit, as the driver was told: since.

@@ -9,6 +9,16 @@
 #include "workloads/model/slices.h"
 
 namespace pirt {
+namespace {
+
+/// @throws Where that would be for ever.
+void check_wait(const runtime::Submitted& task, const char* what) {
+  if (task.told.is_set()) return;
+  runtime::MustNotWait::check(what);
+  runtime::check_process(task.forks);
+}
+
+}  // namespace
 
 void runtime::TaskRef::hold(Submitted& task) { task.uses.fetch_add(1, std::memory_order_relaxed); }
 
@@ -31,14 +41,14 @@ std::optional<TaskEnd> TaskFuture::end() const {
 TaskEnd TaskFuture::wait() const {
   // Within its own callback it has ended.
   if (runtime::MustNotWait::here() && end()) return *end();
-  if (!task().told.is_set()) runtime::MustNotWait::check("wait()");
+  check_wait(task(), "wait()");
   task_->told.wait();
   return *end();
 }
 
 std::optional<TaskEnd> TaskFuture::wait_for(Nanos most) const {
   if (runtime::MustNotWait::here() && end()) return end();
-  if (!task().told.is_set()) runtime::MustNotWait::check("wait_for()");
+  check_wait(task(), "wait_for()");
   return task_->told.wait_for(most) ? end() : std::nullopt;
 }
 
@@ -65,7 +75,10 @@ std::string TaskFuture::problem() const { return end() ? task_->problem : ""; }
 std::stop_token stop_of_this_call() { return stop_of_call(); }
 
 Runtime::Runtime(RuntimeOptions options) : engine_(std::make_unique<Engine>(std::move(options))) {}
-Runtime::~Runtime() = default;
+Runtime::~Runtime() {
+  // In a child that was forked nobody is there to end it.
+  if (!engine_->is_here()) static_cast<void>(engine_.release());
+}
 
 TaskFuture Runtime::submit(WorkloadHandle workload, std::vector<TaskInput> inputs,
                            TaskOptions options, Callback callback) {

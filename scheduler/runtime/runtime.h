@@ -5,13 +5,14 @@
 // is ready, and its outputs, a future and a callback tell of its end. Tasks follow each other by
 // taking outputs of others, or by `after`.
 //
-// Threads: every function here may be called from any thread, and from callbacks and kernels, but
-// for those that wait (TaskFuture::wait and get, Runtime::wait_all): there they would wait for
-// themselves, and throw std::logic_error instead. For the same reason submit waits there for no
-// room, and there may be more tasks than most_tasks.
+// Threads: every function here may be called from any thread, and from callbacks, kernels and the
+// `release` of a Tensor::over, but for those that wait (TaskFuture::wait and get,
+// Runtime::wait_all): there they would wait for themselves, and throw std::logic_error instead. For
+// the same reason submit waits there for no room, and there may be more tasks than most_tasks.
 // Its threads hear no signals, which are for the robot's own, and are of the class of the process,
 // whatever real-time class the thread has that makes the runtime. Who binds that thread to a core
-// does not bind the units to it.
+// does not bind the units to it. None of them is in a child that is forked (fork, daemon): there a
+// runtime that was made before takes nothing and waits for nothing, but throws Error{kEnvironment}.
 // A callback runs on a thread of the runtime's, mostly that of the unit that ended the task, which
 // takes nothing new meanwhile, so that it should be short; never on one that submits, cancels or
 // asks. What it throws is counted, and told by statistics().
@@ -287,7 +288,7 @@ class Runtime {
   /// @param callback  Called once when the task has ended; may be empty.
   /// @throws Error{kBadInput}: a workload that is not among the options', inputs that do not fit,
   /// units that cannot serve it, an input or predecessor of another runtime; Error{kEnvironment}:
-  /// the runtime is ending.
+  /// the runtime is ending, or is another process's.
   TaskFuture submit(WorkloadHandle workload, std::vector<TaskInput> inputs,
                     TaskOptions options = {}, Callback callback = {});
   /// The same; the name is looked up each time.

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <string>
 
 #include "scheduler/services/services.h"
 #include "workloads/base/time.h"
@@ -35,13 +34,6 @@ inline constexpr Nanos kUnknownTimeLimit = std::chrono::seconds(10);
   if (own != nullptr) least = std::max(least, own->ends_by_itself + kLeastTimeLimit);
   const Nanos longest = scaled(service.total(), service.spread.high);
   return time_limit(longest + service.prepare.value_or(Nanos::zero()), least);
-}
-
-/// For whoever reads what went wrong.
-[[nodiscard]] inline std::string overdue(const std::string& workload, const std::string& unit,
-                                         Nanos ran) {
-  return workload + " on " + unit + ": no end after " + std::to_string(to_ms(ran)) +
-         " ms; the unit is out of service from then on";
 }
 
 }  // namespace pirt

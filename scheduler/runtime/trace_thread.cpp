@@ -3,7 +3,7 @@
 #include <chrono>
 #include <utility>
 
-#include "workloads/base/system/thread.h"
+#include "scheduler/runtime/begin_thread.h"
 
 namespace pirt {
 namespace {
@@ -79,8 +79,11 @@ class TraceThread::Teller {
   std::size_t ended_ = 0, suspended_ = 0, resumed_ = 0, waiting_ = 0;
 };
 
-TraceThread::TraceThread(TraceWriter& writer)
-    : writer_(writer), thread_(runtime::start_thread([this] { write(); })) {}
+TraceThread::TraceThread(TraceWriter& writer, std::vector<int> cores)
+    : writer_(writer), thread_(runtime::start_thread([this, cores = std::move(cores)] {
+        runtime::begin_thread("pirt-trace", cores);
+        write();
+      })) {}
 
 TraceThread::~TraceThread() { stop(); }
 

@@ -21,8 +21,9 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
  public:
   /// @param writer  Hears, on the thread, all that this hears and in the same order; nobody else
   /// may use it until finish() or the end.
+  /// @param cores   As begin_thread.
   /// @throws Error{kEnvironment} if the thread cannot be started.
-  explicit TraceThread(TraceWriter& writer);
+  explicit TraceThread(TraceWriter& writer, std::vector<int> cores = {});
   ~TraceThread();
   TraceThread(const TraceThread&) = delete;
   TraceThread& operator=(const TraceThread&) = delete;

@@ -23,6 +23,7 @@ struct Elsewhere {
   std::condition_variable changed;
   int under_way = 0, prepared = 0, devices = 0;
   bool answers = false, reachable = true, opens = true;
+  std::string name = "test";
 
   template <typename Until>
   [[nodiscard]] bool wait(Until until) {
@@ -76,7 +77,8 @@ class HereDevice : public Device {
   HereDevice(const HereDevice&) = delete;
   HereDevice& operator=(const HereDevice&) = delete;
   [[nodiscard]] DeviceInfo info() const override {
-    return {.name = "test", .platform = {}, .version = {}};
+    const std::lock_guard lock(there_.mutex);
+    return {.name = there_.name, .platform = {}, .version = {}};
   }
   [[nodiscard]] Support supports(const Workload&) const override { return {true, ""}; }
   [[nodiscard]] bool is_lost() const override {
@@ -197,6 +199,17 @@ TEST_F(KernelUnitElsewhere, OpensALostDeviceAgain) {
   ASSERT_TRUE(wait_for_end(2));
   EXPECT_EQ(ends_[2].outcome, Outcome::kCompleted);
   EXPECT_EQ(there_.prepared, 2) << "kernels went with the device";
+}
+
+TEST_F(KernelUnitElsewhere, DoesNotTakeAnotherDeviceForALostOne) {
+  there_.change([this] { there_.reachable = false; });
+  const auto unit = open(1, false);
+  ASSERT_TRUE(unit->wait_until_ready(20s));
+  there_.change([this] { there_.name = "another"; });
+  unit->run(call(1));
+  ASSERT_TRUE(wait_for_end(1));
+  EXPECT_THAT(ends_[1].problem, testing::HasSubstr("its device is lost"));
+  EXPECT_FALSE(unit->is_reachable());
 }
 
 TEST_F(KernelUnitElsewhere, GivesBackAllCallsUntilItHasALostDeviceAgain) {

@@ -17,9 +17,7 @@ using testing::HasSubstr;
 
 TEST(Runtime, AKernelThatThrowsFailsByNameAndItsSuccessorsAreDropped) {
   Runtime runtime(options_with(
-      {own("fails", 1,
-           [](std::span<const Tensor>, std::span<Tensor>) { throw std::runtime_error("no luck"); }),
-       adding()}));
+      {own("fails", 1, [](auto, auto) { throw std::runtime_error("no luck"); }), adding()}));
   const auto failed = runtime.submit("fails", {number(1)});
   const auto next = runtime.submit("add", {failed.output(0), number(1)});
   const auto after = runtime.submit("add", {number(1), number(1)}, {.after = {next}});
@@ -138,6 +136,36 @@ TEST(Runtime, AUnitThatHangsIsTakenOutOfService) {
   expect_balance(statistics);
 }
 
+// Of a task that was cancelled meanwhile, its call alone holds the buffer.
+TEST(Runtime, WhatWaitedBehindAHungCallGivesItsBufferBackToWhoAsks) {
+  static std::binary_semaphore never(0);  // Static: the call never comes back.
+  alignas(Tensor::kAlignment) static double buffer = 0;
+  std::binary_semaphore begun(0), freed(0);
+  auto options = options_with({own("hangs", 1,
+                                   [&](auto, auto) {
+                                     begun.release();
+                                     never.acquire();
+                                   }),
+                               adding()},
+                              R"(
+platform: one
+units: {cpu: {backend: fake, slots: 2, active_w: 1}}
+)");
+  options.time_limit = 200ms;
+  Runtime runtime(std::move(options));
+  const auto hung = runtime.submit("hangs", {number(1)});
+  begun.acquire();
+  const auto* const bytes = reinterpret_cast<const std::byte*>(&buffer);
+  const auto behind = runtime.submit("add", {number(1), Tensor::over(kNumber, bytes, [&] {
+                                               static_cast<void>(runtime.statistics());
+                                               freed.release();
+                                             })});
+  runtime.cancel(behind);
+  EXPECT_EQ(behind.wait(), TaskEnd::kCancelled);
+  EXPECT_TRUE(freed.try_acquire_for(20s));
+  EXPECT_EQ(hung.wait(), TaskEnd::kFailed);
+}
+
 TEST(Runtime, AUnitThatWasLostCanBeBroughtBack) {
   static std::binary_semaphore never(0);  // Static: the call never comes back.
   auto options =
@@ -181,7 +209,7 @@ TEST(Runtime, CancelledTasksEndAndWhatComesAfterThemIsDropped) {
   std::binary_semaphore go(0);
   std::latch started(1);
   Runtime runtime(options_with({own("waits", 1,
-                                    [&](std::span<const Tensor>, std::span<Tensor>) {
+                                    [&](auto, auto) {
                                       started.count_down();
                                       go.acquire();
                                     }),
@@ -290,10 +318,8 @@ TEST(Runtime, ProgressHearsOfTheStartAloneAndWhatComesLaterMayAsk) {
 
 TEST(Runtime, WhatHasNotStartedInTimeExpires) {
   std::binary_semaphore go(0);
-  Runtime runtime(options_with(
-      {own("waits", 1, [&](std::span<const Tensor>, std::span<Tensor>) { go.acquire(); }),
-       adding()},
-      kOneUnit));
+  Runtime runtime(
+      options_with({own("waits", 1, [&](auto, auto) { go.acquire(); }), adding()}, kOneUnit));
   const auto first = runtime.submit("waits", {number(1)});
   const auto late = runtime.submit("add", {number(1), number(1)}, {.expires = 10ms});
   EXPECT_EQ(late.wait(), TaskEnd::kExpired);
@@ -306,7 +332,7 @@ TEST(Runtime, ItsEndCancelsWhatHasNotStarted) {
   std::binary_semaphore go(0);
   {
     Runtime runtime(options_with({own("waits", 1,
-                                      [&](std::span<const Tensor>, std::span<Tensor>) {
+                                      [&](auto, auto) {
                                         go.acquire();
                                         go.release();
                                       }),

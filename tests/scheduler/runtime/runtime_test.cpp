@@ -4,6 +4,7 @@
 
 #include <array>
 #include <atomic>
+#include <functional>
 #include <latch>
 #include <mutex>
 #include <semaphore>
@@ -94,7 +95,7 @@ TEST(Runtime, FuturesStayOfTheirTasksWhileRecordsAreUsedAgain) {
 TEST(Runtime, AFutureHasEndedBeforeAnyoneIsToldOfWhatFollows) {
   std::latch submitted(1);
   Runtime runtime(options_with({own("throws", 1,
-                                    [&](std::span<const Tensor>, std::span<Tensor>) {
+                                    [&](auto, auto) {
                                       submitted.wait();
                                       throw std::runtime_error("no");
                                     }),
@@ -129,10 +130,8 @@ TEST(Runtime, CallbacksHearOfEachEndOnceAndMaySubmit) {
 
 TEST(Runtime, CallbacksRunOnItsOwnThreadsAlone) {
   std::binary_semaphore go(0);
-  Runtime runtime(options_with(
-      {own("waits", 1, [&](std::span<const Tensor>, std::span<Tensor>) { go.acquire(); }),
-       adding()},
-      kOneUnit));
+  Runtime runtime(
+      options_with({own("waits", 1, [&](auto, auto) { go.acquire(); }), adding()}, kOneUnit));
   const auto us = std::this_thread::get_id();
   std::atomic<int> heard = 0, here = 0;
   const auto callback = [&](const TaskFuture&, TaskEnd) {
@@ -198,10 +197,8 @@ TEST(Runtime, WhoWaitsWhereItWouldWaitForItselfIsTold) {
 
 TEST(Runtime, WaitsForAsLongAsItIsToldAndSaysHowLongATaskTook) {
   std::binary_semaphore go(0);
-  Runtime runtime(options_with(
-      {own("waits", 1, [&](std::span<const Tensor>, std::span<Tensor>) { go.acquire(); }),
-       adding()},
-      kOneUnit));
+  Runtime runtime(
+      options_with({own("waits", 1, [&](auto, auto) { go.acquire(); }), adding()}, kOneUnit));
   const auto first = runtime.submit("waits", {number(1)}, {.deadline = Nanos(1)});
   const auto second = runtime.submit("add", {number(1), number(1)}, {.deadline = Nanos::max()});
   EXPECT_FALSE(first.wait_for(2ms));
@@ -299,6 +296,33 @@ TEST(Runtime, TakesADriversBufferWithoutACopyAndSaysWhenItIsFree) {
               HasSubstr("aligned to 64 bytes"));
   EXPECT_THAT(bad_input([&] { static_cast<void>(Tensor::over(kNumber, nullptr)); }),
               HasSubstr("no memory"));
+}
+
+// Who gives a buffer back is in no turn of the runtime's, and waits for no room.
+TEST(Runtime, WhoHearsThatABufferIsFreeMaySubmitTheNextAndAsk) {
+  struct alignas(Tensor::kAlignment) Buffer {
+    double value = 0;
+  };
+  static std::array<Buffer, 5> buffers;
+  std::counting_semaphore<8> submitted(0);
+  std::latch all(std::ssize(buffers));
+  auto options = options_with({own("look", 1, [&](auto, auto) { submitted.acquire(); })}, kOneUnit);
+  options.most_tasks = 1;
+  Runtime runtime(std::move(options));
+  std::function<void(std::size_t)> submit_from;
+  submit_from = [&](std::size_t i) {
+    const auto* const bytes = reinterpret_cast<const std::byte*>(&buffers.at(i));
+    runtime.submit("look", {Tensor::over(kNumber, bytes, [&, i] {
+                     static_cast<void>(runtime.statistics());
+                     if (i + 1 < buffers.size()) submit_from(i + 1);
+                     all.count_down();
+                   })});
+    submitted.release();  // Not before: the last that holds the buffer is the task.
+  };
+  submit_from(0);
+  all.wait();
+  runtime.wait_all();
+  EXPECT_EQ(runtime.statistics().completed, std::ssize(buffers));
 }
 
 TEST(Runtime, FuturesAndTensorsOutliveIt) {
