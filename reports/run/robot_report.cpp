@@ -81,8 +81,9 @@ double per_second(const RobotRun& run, const ActivityCounts& counts) {
   return s > 0 ? static_cast<double>(counts.completed) / s : 0.0;
 }
 
-/// Servers of one unit at work and at rest, by the platform's watts; 0 if it states none of a unit
-/// that served.
+/// Servers at work, and what units draw whatever they do, by the platform's watts; 0 if it states
+/// none of a unit that served, or also joules an operation, a byte or a call, which nobody counts
+/// here.
 double energy_of(const RuntimeOptions& runtime, const LocalizationResult& result, bool live) {
   const Platform platform =
       on_devices(runtime.platform, runtime.profile ? &*runtime.profile : nullptr);
@@ -95,10 +96,10 @@ double energy_of(const RuntimeOptions& runtime, const LocalizationResult& result
       if (each.name == unit.name) busy = each.powered;
     }
     if (unit.backend == "cpu" && !std::exchange(charged, true)) busy = result.busy;
-    if (busy > Nanos::zero() && !platform.states_power(unit)) return 0;
-    const Nanos idle = std::max(result.duration - busy, Nanos::zero());
-    energy_j +=
-        unit.active_w * to_s(busy) + unit.idle_w * to_s(idle) + unit.held_w * to_s(result.duration);
+    const bool by_watts =
+        platform.states_power(unit) && unit.op_pj + unit.byte_pj + unit.call_j == 0;
+    if (busy > Nanos::zero() && !by_watts) return 0;
+    energy_j += unit.active_w * to_s(busy) + unit.standing_w() * to_s(result.duration);
   }
   return energy_j;
 }
@@ -170,7 +171,7 @@ std::string errors_text(const slam::RunSummary& s) {
       moves(e)
           ? fmt::format("{:.3f} % of the path of {:.2f} m", 100 * e.ate_rms_m / e.path_m, e.path_m)
           : "standing still",
-      s.scale_known ? "SE(3)-aligned" : "Sim(3)-aligned: one camera has no scale");
+      s.scale_known ? "SE(3)-aligned" : "Sim(3)-aligned: the scale is not known");
   if (s.constant_velocity_ate_rms_m) {
     text += fmt::format("               (constant velocity: RMS {:.4f} m)\n",
                         *s.constant_velocity_ate_rms_m);
@@ -243,7 +244,7 @@ RobotRun robot_run(std::string driver, std::string mode, const Sequence& sequenc
     run.paths = activities->paths();
     run.map_from_world = activities->map_from_world();
     const auto [before, after] = activities->adjusted();
-    if (run.summary.error && before.size() > 2) {
+    if (can_align(before, sequence.truth)) {
       const auto alignment = run.summary.scale_known ? Alignment::kSe3 : Alignment::kSim3;
       run.keyframes_before = evaluate(before, sequence.truth, alignment);
       run.keyframes_after = evaluate(after, sequence.truth, alignment);

@@ -29,7 +29,14 @@ constexpr int kAlexnetSide = 227;
 constexpr double kWindow_m = 6;
 constexpr double kAhead_m = 1;
 
-double heading_of(const Pose& body) { return std::atan2(body.rotation(1, 0), body.rotation(0, 0)); }
+/// Of the robot's axes, x ahead, y left, z up, which are those of its left camera: a body has any.
+Eigen::Matrix3d robot_axes(const Pose& body, const slam::Setup& setup) {
+  Eigen::Matrix3d ahead;  // in the camera, as columns
+  ahead << 0, -1, 0, 0, 0, -1, 1, 0, 0;
+  return body.rotation * setup.cameras[0].body_from_camera.rotation * ahead;
+}
+
+double heading_of(const Eigen::Matrix3d& axes) { return std::atan2(axes(1, 0), axes(0, 0)); }
 
 double turn_between(double from, double to) {
   return std::remainder(to - from, 2 * std::numbers::pi);
@@ -206,6 +213,8 @@ Activities::Activities(ActivityOptions options) : options_(std::move(options)) {
     throw_bad_input("the map to plan on is to be in metres and not turned (origin's yaw 0)");
   }
   planned_ = std::make_unique<Planned>(*options_.planning);
+  // Without an IMU the world is the body's when the sequence begins; poses are known later.
+  if (!options_.setup.imu) planned_->first = Pose{};
   const auto check = [&](const char* what, Point point) {
     if (planned_->passable.passable(map.cell_of(point))) return;
     throw_bad_input(std::string("the ") + what + " " + std::to_string(point.x) + "," +
@@ -339,7 +348,8 @@ void Activities::change_world(const Similarity& moved) {
 MapPose Activities::place_of(const Pose& body) {
   if (!planned_->first) planned_->first = body;
   const Pose on_map = *map_from_world() * body;
-  return {{on_map.position.x(), on_map.position.y()}, heading_of(on_map)};
+  return {{on_map.position.x(), on_map.position.y()},
+          heading_of(robot_axes(on_map, options_.setup))};
 }
 
 /// A robot that stands nearer to an obstacle than its radius plans from where it does not.
@@ -452,7 +462,10 @@ std::optional<Pose> Activities::map_from_world() const {
   const MapPose& start = options_.planning->start;
   const Pose& first = *planned_->first;
   Pose pose;
-  pose.rotation = rotation_of({0, 0, start.heading_rad - heading_of(first)});
+  const Eigen::Matrix3d axes = robot_axes(first, options_.setup);
+  const Eigen::Matrix3d level = options_.setup.imu ? rotation_of({0, 0, -heading_of(axes)})
+                                                   : Eigen::Matrix3d(axes.transpose());
+  pose.rotation = rotation_of({0, 0, start.heading_rad}) * level;
   pose.position =
       Eigen::Vector3d(start.position.x, start.position.y, 0) - pose.rotation * first.position;
   return pose;

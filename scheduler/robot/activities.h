@@ -28,7 +28,7 @@ struct MapPose {
 struct ActivityOptions {
   struct Planning {
     planning::Grid map;  ///< Of unit kMetres, with yaw 0.
-    MapPose start;       ///< When the localization begins.
+    MapPose start;       ///< When the sequence begins; it heads where its left camera looks.
     planning::Point goal;
     double radius_m = 0.25;
   };
@@ -92,7 +92,8 @@ class Activities final : public Companion {
   [[nodiscard]] double last_path_m() const;
   /// At most one a second.
   [[nodiscard]] std::vector<PlannedPath> paths() const;
-  /// The localization's world on the map, level; absent if nothing was planned.
+  /// The localization's world on the map; absent if nothing is planned, or, with an IMU, before the
+  /// first pose.
   [[nodiscard]] std::optional<Pose> map_from_world() const;
   /// All that came back.
   [[nodiscard]] AdjustedKeyframes adjusted() const;

@@ -336,7 +336,7 @@ class LiveLocalization {
     const auto counts = outputs[1].as<std::int32_t>();
     result.map_change = {counts[2], counts[3], counts[4]};
     const auto report = f.update_pose.get()[2].as<std::int32_t>();
-    result.report = {report[0], report[1], report[2], report[3], report[4], report[5]};
+    result.report = {report[0], report[1], report[2], report[3], report[4], report[5], report[6]};
     const auto took = [&](slam::Stage stage, const TaskFuture& task) {
       if (task.valid()) result.stage_time[static_cast<std::size_t>(stage)] += task.busy();
     };

@@ -3,6 +3,7 @@
 #include "scheduler/robot/activities.h"
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -260,6 +261,45 @@ TEST(Activities, AreDueAtOnceAfterAClockThatJumpsAhead) {
     activities.arrived(time, picture);
   }
   EXPECT_EQ(caller.calls, 3);
+}
+
+// The robot goes a metre ahead; the body's axes lie anyhow in it, as EuRoC's, whose x points up.
+TEST(Activities, AheadIsWhereTheLeftCameraLooks) {
+  const Room room;
+  const MapPose& start = room.activities.planning->start;
+  const Eigen::Vector3d expected(start.position.x + std::cos(start.heading_rad),
+                                 start.position.y + std::sin(start.heading_rad), 0);
+  Eigen::Matrix3d looking;  // a camera's axes in those of a robot, as columns
+  looking << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  const auto place_after = [&](const ActivityOptions& options, const std::vector<Pose>& way) {
+    Activities activities(options);
+    CountingCaller caller;
+    activities.begin(caller);
+    Nanos time{};
+    for (const Pose& body : way) {
+      slam::FrameResult frame;
+      frame.pose = {time += from_ms(50), body};
+      frame.status = slam::Status::kTracking;
+      activities.localized(frame, [] { return slam::State(); });
+    }
+    return Eigen::Vector3d(*activities.map_from_world() * way.back().position);
+  };
+  auto options = room.activities;
+  options.keyframes = 0;
+  for (const Eigen::Vector3d& turn : {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0, -1.5, 0.3)}) {
+    const Eigen::Matrix3d robot_from_body = rotation_of(turn);
+    Pose& mount = options.setup.cameras[0].body_from_camera;
+    mount.rotation = robot_from_body.transpose() * looking;
+    const Pose begin{rotation_of({0, 0, 2}) * robot_from_body, {4, -1, 0}};
+    Pose end = begin;
+    end.position += Eigen::Vector3d(std::cos(2), std::sin(2), 0);
+    EXPECT_LT((place_after(options, {begin, end}) - expected).norm(), 1e-9);
+    // Without an IMU the world is the body's at the beginning, which the first pose need not be of.
+    auto blind = options;
+    blind.setup.imu.reset();
+    const Eigen::Vector3d ahead = robot_from_body.transpose().col(0);
+    EXPECT_LT((place_after(blind, {Pose{.position = ahead}}) - expected).norm(), 1e-9);
+  }
 }
 
 std::string refusal(const ActivityOptions& options) {

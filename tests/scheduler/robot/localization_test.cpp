@@ -73,7 +73,8 @@ void expect_same(const slam::RunResult& live, const slam::RunResult& serial,
     EXPECT_EQ(a.in_map, b.in_map);
     EXPECT_EQ(a.unusable, b.unusable);
     const auto figures = [](const slam::FrameReport& r) {
-      return std::array{r.tracks, r.landmarks, r.recognized, r.points, r.rejected, r.from_map};
+      return std::array{r.tracks,   r.landmarks, r.recognized, r.points,
+                        r.rejected, r.from_map,  r.stereo};
     };
     EXPECT_EQ(figures(a.report), figures(b.report));
   }

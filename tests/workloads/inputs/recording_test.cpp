@@ -11,7 +11,7 @@
 
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
-#include "tests/workloads/inputs/sequence_support.h"
+#include "tests/workloads/inputs/own_recording.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/inputs/recording/bag_format.h"
 #include "workloads/inputs/recording/messages.h"
@@ -22,6 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using test::bad_input;
+using test::OwnRecording;
 using test::put;
 using test::text_of;
 using testing::AllOf;
@@ -204,51 +205,6 @@ TEST_P(Recorded, SaysThatAFileIsCut) {
 INSTANTIATE_TEST_SUITE_P(Formats, Recorded, testing::Values(".bag", ".db3", ".mcap"),
                          [](const auto& test) { return std::string(test.param).substr(1); });
 
-/// Topics of a recording that a test makes message by message.
-class OwnRecording : public testing::Test {
- protected:
-  void add(const std::string& topic, std::string_view type, const std::string& message) {
-    writer_->write(topic, type, Nanos(++written_), message);
-  }
-  void add_picture(const std::string& topic, const std::string& encoding, int width, int height,
-                   const std::string& data) {
-    add(topic, ImageMessage::kType,
-        written(ImageMessage{.head = {Nanos(written_ + 1), "camera"},
-                             .compressed = false,
-                             .width = width,
-                             .height = height,
-                             .encoding = encoding,
-                             .step = data.size() / static_cast<std::size_t>(height),
-                             .data = data},
-                WireFormat::kRos1));
-  }
-  void add_info(const std::string& topic, const std::string& lens = "plumb_bob",
-                std::vector<double> d = {0}) {
-    CameraInfoMessage info;
-    info.width = info.height = 16;
-    info.distortion_model = lens;
-    info.d = std::move(d);
-    info.k = {20, 0, 8, 0, 20, 8, 0, 0, 1};
-    info.p = {20, 0, 8, 0, 0, 20, 8, 0, 0, 0, 1, 0};
-    add(topic, CameraInfoMessage::kType, written(info, WireFormat::kRos1));
-  }
-  [[nodiscard]] Sequence read() {
-    writer_->publish();
-    return read_sequence(file_);
-  }
-  [[nodiscard]] std::string problem() {
-    return bad_input([&] {
-      const Sequence sequence = read();
-      static_cast<void>(sequence.image(0, 0));
-    });
-  }
-
-  const test::ScratchFolder scratch_;
-  fs::path file_ = scratch_.path() / "own.bag";
-  std::unique_ptr<RecordingWriter> writer_ = make_bag(file_);
-  std::int64_t written_ = 0;
-};
-
 TEST_F(OwnRecording, TurnsColoursIntoGrey) {
   // OpenCV's luma of pure red is 0.299 * 255.
   add_info("/camera/camera_info");
@@ -299,18 +255,6 @@ TEST_F(OwnRecording, AsksWhichOfManyCamerasIsMeant) {
   EXPECT_THAT(problem(), HasSubstr("--topics left=/a/image_raw,right=/b/image_raw"));
 }
 
-TEST_F(OwnRecording, LeavesOutAnImuThatIsNowhere) {
-  add_info("/camera/camera_info");
-  add_picture("/camera/image_raw", "mono8", 16, 16, std::string(256, 'a'));
-  add("/imu", ImuMessage::kType,
-      written(ImuMessage{.head = {Nanos(1), "imu"}, .accel_m_s2 = {0, 0, 9.81}},
-              WireFormat::kRos1));
-  const Sequence sequence = read();
-  EXPECT_THAT(sequence.imu, IsEmpty());
-  EXPECT_THAT(sequence.warnings,
-              ElementsAre(AllOf(HasSubstr("/imu is not used"), HasSubstr("/tf_static"))));
-}
-
 TEST_F(OwnRecording, SaysThatPicturesHaveAnotherSizeThanTheirCalibration) {
   add_info("/camera/camera_info");
   add_picture("/camera/image_raw", "mono8", 17, 16, std::string(17 * 16, 'a'));
@@ -354,40 +298,6 @@ TEST_F(OwnRecording, LeavesOutTruthThatWasLostAndTransformsThatNobodyFilled) {
   EXPECT_THAT(sequence.warnings,
               testing::Contains(AllOf(HasSubstr("2 of 6 messages of /truth are left out"),
                                       HasSubstr("message 3 of /truth"))));
-}
-
-/// Poses of several topics beside pictures.
-class Poses : public OwnRecording {
- protected:
-  void add_poses(const std::vector<std::string>& topics) {
-    add_info("/camera/camera_info");
-    for (int i = 1; i < 4; ++i) {
-      written_ = from_ms(50.0 * i).count();
-      add_picture("/camera/image_raw", "mono8", 16, 16, std::string(256, 'a'));
-      for (std::size_t k = 0; k < topics.size(); ++k) {
-        PoseMessage pose{.head = {from_ms(50.0 * i), "world"}, .pose = {}};
-        pose.pose.position.x() = static_cast<double>(k);
-        add(topics[k], PoseMessage::kType, written(pose, WireFormat::kRos1));
-      }
-    }
-  }
-};
-
-TEST_F(Poses, WithTruthInTheirNameAreTruth) {
-  add_poses({"/orb_slam/pose", "/ground_truth/pose"});
-  const Sequence sequence = read();
-  EXPECT_EQ(sequence.truth.at(0).body.position.x(), 1);
-  EXPECT_THAT(sequence.warnings,
-              testing::Contains(AllOf(HasSubstr("truth is taken to be /ground_truth/pose"),
-                                      HasSubstr("not /orb_slam/pose"))));
-}
-
-TEST_F(Poses, OfWhichNoneIsNamedAreAskedFor) {
-  add_poses({"/a", "/b", "/move_base/goal"});
-  EXPECT_THAT(problem(), AllOf(HasSubstr("has 2 topics of geometry_msgs/PoseStamped"),
-                               HasSubstr("--topics truth=/a"), testing::Not(HasSubstr("goal"))));
-  put(scratch_.path() / "truth.txt", "1.5 0 0 0 0 0 0 1\n2.5 0 0 0 0 0 0 1\n");
-  EXPECT_EQ(read_sequence(file_, {.truth = scratch_.path() / "truth.txt"}).truth.size(), 2U);
 }
 
 TEST_F(OwnRecording, LeavesOutMessagesThatAreNone) {

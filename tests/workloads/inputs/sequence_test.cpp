@@ -221,6 +221,23 @@ TEST_F(SpoiledEuroc, ACalibrationIsOfTheCameraOfItsName) {
       good.cameras[1].body_from_camera.position, 1e-9));
 }
 
+TEST_F(SpoiledEuroc, SaysThatNobodyKnowsWhatTheTruthIsOf) {
+  const std::string chain = chain_of("cam0", read_sequence(folder_).cameras[0]);
+  put(folder_ / "chain.yaml", chain.substr(0, chain.find("  T_cam_imu")));
+  fs::remove_all(folder_ / "mav0/cam1");
+  const Sequence read = read_sequence(folder_, {.calibration = folder_ / "chain.yaml"});
+  EXPECT_FALSE(read.truth.empty());
+  EXPECT_THAT(read.warnings,
+              testing::Contains(testing::AllOf(HasSubstr("nobody knows"),
+                                               HasSubstr("state_groundtruth_estimate0"))));
+}
+
+TEST_F(SpoiledEuroc, OfOneCameraTheOtherIsNotRead) {
+  fs::remove(folder_ / "mav0/cam1/sensor.yaml");
+  EXPECT_THAT(problem(), HasSubstr("cam1/sensor.yaml"));
+  EXPECT_EQ(read_sequence(folder_, {.second_camera = false}).cameras.size(), 1U);
+}
+
 TEST_F(SpoiledEuroc, APauseChangesNoRate) {
   const Sequence good = read_sequence(folder_);
   fs::create_directory(folder_ / "dso");
@@ -359,6 +376,8 @@ TEST_F(SpoiledEuroc, ColumnsAreFoundByTheirNames) {
   edit("imu0/data.csv", "w_RS_S_x [rad s^-1]", "w_RS_S_x [deg s^-1]");
   EXPECT_THAT(problem(), testing::AllOf(HasSubstr("imu0/data.csv:1"), HasSubstr("is in deg s^-1"),
                                         HasSubstr("give rad/s")));
+  edit("imu0/data.csv", "[deg s^-1]", "(deg/s)");
+  EXPECT_THAT(problem(), HasSubstr("is in deg/s"));
   edit("imu0/data.csv", "w_RS_S_x", "turn");
   EXPECT_THAT(problem(), testing::AllOf(HasSubstr("imu0/data.csv:1"), HasSubstr("the heading has"),
                                         HasSubstr("name all")));
@@ -524,6 +543,14 @@ TEST_F(MadeKitti, TakesProjectionsByTheirLabels) {
   EXPECT_THAT(bad_input([this] { static_cast<void>(read()); }), HasSubstr("has no P0"));
 }
 
+TEST_F(MadeKitti, OfOneCameraTheOtherIsNotRead) {
+  add("image_0", {"1"});
+  add("image_1", {"1"});
+  put(scratch_.path() / "calib.txt", "P0: 20 0 8 0 0 20 8 0 0 0 1 0\n");
+  EXPECT_THAT(bad_input([this] { static_cast<void>(read()); }), HasSubstr("has no P1"));
+  EXPECT_EQ(read_sequence(scratch_.path(), {.second_camera = false}).cameras.size(), 1U);
+}
+
 TEST_F(MadeKitti, TakesNoCameraForTheRightOneThatSitsElsewhere) {
   add("image_0", {"1", "2", "3"});
   add("image_1", {"1", "2", "3"});
@@ -592,6 +619,11 @@ TEST(Kitti, RefusesPosesThatAreTooFew) {
   put(scratch.path() / "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n");
   EXPECT_THAT(bad_input([&] { static_cast<void>(read_kitti(scratch.path())); }),
               HasSubstr("1 poses for 10 pictures"));
+  std::string mirrored;
+  for (int k = 0; k < 10; ++k) mirrored += "-1 0 0 0 0 1 0 0 0 0 1 0\n";
+  put(scratch.path() / "poses.txt", mirrored);
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read_kitti(scratch.path())); }),
+              HasSubstr("no rotation"));
   put(scratch.path() / "calib.txt", "P0: 700 0 80 0 0 700 60 0 0 0 1\n");
   EXPECT_THAT(bad_input([&] { static_cast<void>(read_kitti(scratch.path())); }),
               HasSubstr("calib.txt:1"));

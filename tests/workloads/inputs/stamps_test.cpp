@@ -165,16 +165,18 @@ TEST_F(Info, IsReadAsThePicturesAre) {
   const InfoCamera raw = camera(false);
   EXPECT_EQ(raw.model.fx, 400);
   EXPECT_EQ(raw.model.k3, 0.01);
-  EXPECT_EQ(raw.right_of_left_m, 0.2);
+  EXPECT_EQ(raw.right_m, 0.2);
   const InfoCamera rectified = camera(true);
   EXPECT_EQ(rectified.model.fx, 300);
   EXPECT_EQ(rectified.model.cy, 230);
   EXPECT_EQ(rectified.model.k1, 0);
   // R turns x of the camera to y of the rectified picture. A right camera that is 0.2 m along x of
   // the rectified pictures is, in the left camera's axes, at R^T (0.2, 0, 0) = (0, -0.2, 0).
-  EXPECT_TRUE(raw.pose_of(raw).position.isApprox(Eigen::Vector3d(0, -0.2, 0)));
+  InfoCamera left = raw, left_rectified = rectified;
+  left.right_m = left_rectified.right_m = 0;
+  EXPECT_TRUE(left.pose_of(raw).position.isApprox(Eigen::Vector3d(0, -0.2, 0)));
   EXPECT_TRUE(raw.pose_of(raw).rotation.isIdentity());
-  EXPECT_TRUE(rectified.pose_of(rectified).position.isApprox(Eigen::Vector3d(0.2, 0, 0)));
+  EXPECT_TRUE(left_rectified.pose_of(rectified).position.isApprox(Eigen::Vector3d(0.2, 0, 0)));
   EXPECT_TRUE(rectified.pose_of(raw).rotation.isApprox(raw.rectified_from_raw));
   info_.p[0] = 3;
   EXPECT_THAT(bad_input([this] { static_cast<void>(camera(true)); }), HasSubstr("in P"));

@@ -91,6 +91,8 @@ TEST(CameraImu, FindsAnImuOfTheOppositeSign) {
               testing::AllOf(HasSubstr("accelerations are opposite"), HasSubstr("--no-imu")));
   for (ImuSample& sample : sequence.imu) sample.accel_m_s2 *= -1, sample.gyro_rad_s *= -1;
   EXPECT_THAT(problem(), HasSubstr("the gyroscope turns opposite"));
+  for (ImuSample& sample : sequence.imu) sample.gyro_rad_s *= -kDegreesPerRadian;
+  EXPECT_THAT(problem(), HasSubstr("are these degrees/s?"));
   const Sequence calm = flight(1);
   EXPECT_THAT(warnings_of(compare_imu(calm), calm), IsEmpty());
 }

@@ -170,6 +170,21 @@ TEST(SlamQuality, OneCameraAloneFollowsTwoTurns) {
   EXPECT_GT(result.trajectory().size(), 22U * 25 * 8 / 10);
 }
 
+TEST(SlamQuality, TwoCamerasAloneKnowTheScaleUnlessTheyAreTakenForEachOther) {
+  SceneOptions options = test::scene(1, 2.0);
+  options.path.shape = PathShape::kRing;
+  Sequence sequence = remembering(generate_sequence(options));
+  sequence.imu.clear();
+  sequence.imu_model.reset();
+  const auto result = run(sequence);
+  EXPECT_NEAR(evaluate(result.trajectory(), sequence.truth, Alignment::kSim3).scale, 1, 0.1);
+  EXPECT_TRUE(summarize(sequence, result, setup_of(sequence)).scale_known);
+  sequence.image = [image = sequence.image](std::size_t frame, std::size_t camera) {
+    return image(frame, 1 - camera);
+  };
+  EXPECT_FALSE(summarize(sequence, run(sequence), setup_of(sequence)).scale_known);
+}
+
 // No rotation at all scores 0.082 and 0.495. The truth of the first 12 frames is a straight line
 // between its ends, so that what the car did in between counts as error.
 TEST(SlamQuality, OneCameraAloneKnowsTheTurnsOfARealDrive) {
@@ -265,10 +280,11 @@ TEST(SlamQuality, ASecondOfBlackIsSaidAndSurvived) {
 TEST(SlamQuality, OneCameraAloneFindsItsPlaceAgainAfterASecondOfBlack) {
   SceneOptions options = test::scene(5, 9.0, false);
   options.path.rest_s = 0;
-  Sequence sequence = generate_sequence(options);
+  Sequence sequence = remembering(generate_sequence(options));
   sequence.imu.clear();
   sequence.imu_model.reset();
   constexpr std::size_t kBlack = 125;
+  sequence.frames.resize(kBlack + 75);
   RunOptions run_options;
   run_options.setup = setup_of(sequence);
   run_options.spoil = [&](std::size_t frame, std::size_t, GreyImage& image) {

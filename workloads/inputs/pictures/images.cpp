@@ -5,6 +5,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cctype>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
@@ -209,20 +210,45 @@ class RecordedImages final : public LoadedImages {
  public:
   RecordedImages(const fs::path& path, const std::string& topic)
       : recording_(open_recording(path)), topic_(picture_topic(*recording_, topic)) {
-    for (std::size_t i = 0; i < recording_->topics()[topic_].messages; ++i) {
-      static_cast<void>(load(i));
+    const std::size_t count = recording_->topics()[topic_].messages;
+    std::vector<std::size_t> failed;
+    std::string problem;
+    for (std::size_t i = 0; i < count; ++i) use(i, failed, problem);
+    // A dark one is known to be of 16 bits once a brighter one was seen.
+    problem.clear();
+    for (const std::size_t i : std::exchange(failed, {})) use(i, failed, problem);
+    constexpr double kMostPart = 0.05;  // as of a sequence
+    left_out_ = failed.size();
+    if (static_cast<double>(left_out_) > kMostPart * static_cast<double>(count)) {
+      throw_bad_input(problem);
+    }
+    std::ranges::sort(messages_);
+    for (const std::size_t i : messages_) {
       hashes_.push_back(Hash64().add(recording_->message(topic_, i)).value());
     }
   }
 
   std::string describe() const override {
-    return fmt::format("{} images of {} in {}", hashes_.size(), recording_->topics()[topic_].name,
-                       recording_->file());
+    return fmt::format("{} images of {} in {}{}", hashes_.size(), recording_->topics()[topic_].name,
+                       recording_->file(),
+                       left_out_ > 0 ? fmt::format(", {} left out", left_out_) : "");
   }
 
  private:
+  /// Takes a message for a picture, or notes why it is none.
+  void use(std::size_t message, std::vector<std::size_t>& failed, std::string& problem) {
+    try {
+      static_cast<void>(recorded_picture(*recording_, topic_, message, &is_deep_));
+      messages_.push_back(message);
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kBadInput) throw;
+      failed.push_back(message);
+      if (problem.empty()) problem = error.what();
+    }
+  }
+
   cv::Mat load(std::size_t index) const override {
-    cv::Mat pixels = recorded_picture(*recording_, topic_, index);
+    cv::Mat pixels = recorded_picture(*recording_, topic_, messages_[index], &is_deep_);
     if (pixels.channels() == 3) return pixels;
     cv::Mat coloured;
     cv::cvtColor(pixels, coloured, cv::COLOR_GRAY2BGR);
@@ -231,6 +257,9 @@ class RecordedImages final : public LoadedImages {
 
   std::unique_ptr<Recording> recording_;
   std::size_t topic_;
+  std::vector<std::size_t> messages_;  ///< Of each picture.
+  std::size_t left_out_ = 0;
+  mutable std::atomic<bool> is_deep_ = false;
 };
 
 /// Keeps the paths.

@@ -29,8 +29,8 @@ namespace pirt {
 
 /// The PNG and JPEG files of a folder in name order, or one such file. Other files in the folder
 /// are ignored; each picture is scaled to cover the wished size, keeping its aspect, and
-/// centre-cropped. Or the pictures of a recording; of a folder that has
-/// both, without metadata.yaml and @p topic, the files.
+/// centre-cropped. Or the pictures of a recording, of which up to 5 % may be none and are left out;
+/// of a folder that has both, without metadata.yaml and @p topic, the files.
 /// @param topic  Of a recording; empty = the first by name whose messages are pictures.
 /// @throws Error{kBadInput} for a missing or unreadable path, a folder without images, or an image
 /// that does not decode;

@@ -75,6 +75,9 @@ cv::Mat plain(const ImageMessage& message, const WireReader& in, const Expected&
   if (message.width == 0 || message.height == 0 || message.step < row) {
     in.fail("has rows that are shorter than its width");
   }
+  if (message.step % static_cast<std::size_t>(CV_ELEM_SIZE1(encoding->type)) != 0) {
+    in.fail("has rows of an odd number of bytes");
+  }
   // OpenCV has no view of constant memory; nothing writes to it before it is copied.
   const cv::Mat view(message.height, message.width, encoding->type,
                      const_cast<char*>(message.data.data()), message.step);
@@ -142,8 +145,9 @@ std::size_t picture_topic(const Recording& recording, const std::string& name) {
                   "; choose one: --topics left=TOPIC");
 }
 
-cv::Mat recorded_picture(const Recording& recording, std::size_t topic, std::size_t index) {
-  return picture_of(recording, topic, index, {});
+cv::Mat recorded_picture(const Recording& recording, std::size_t topic, std::size_t index,
+                         std::atomic<bool>* is_deep) {
+  return picture_of(recording, topic, index, {.is_deep = is_deep});
 }
 
 GreyImage recorded_grey(const Recording& recording, std::size_t topic, std::size_t index, int width,

@@ -20,9 +20,10 @@ namespace pirt {
 [[nodiscard]] std::size_t picture_topic(const Recording& recording, const std::string& name);
 
 /// Grey or B, G, R, 8 bits.
+/// @param is_deep  As take_upper_bits.
 /// @throws Error{kBadInput} for damage and for encodings that are not known.
 [[nodiscard]] cv::Mat recorded_picture(const Recording& recording, std::size_t topic,
-                                       std::size_t index);
+                                       std::size_t index, std::atomic<bool>* is_deep);
 
 /// In grey.
 /// @param is_deep  As take_upper_bits.

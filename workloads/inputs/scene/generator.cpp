@@ -198,9 +198,11 @@ FloorMap floor_map(const SceneOptions& options) {
       "occupied_thresh: 0.65\nfree_thresh: 0.25\n",
       kCell_m, -kWall * kCell_m, -kWall * kCell_m);
   constexpr double kDegrees = 180 / std::numbers::pi;
-  map.goal_yaml = fmt::format("goal: [{:.3f}, {:.3f}]\nstart: [{:.3f}, {:.3f}, {:.2f}]\n", goal.x(),
-                              goal.y(), start.x(), start.y(),
-                              kDegrees * std::atan2(body.rotation(1, 0), body.rotation(0, 0)));
+  const Eigen::Vector3d ahead =
+      (body * make_cameras(options).front().body_from_camera).rotation.col(2);
+  map.goal_yaml =
+      fmt::format("goal: [{:.3f}, {:.3f}]\nstart: [{:.3f}, {:.3f}, {:.2f}]\n", goal.x(), goal.y(),
+                  start.x(), start.y(), kDegrees * std::atan2(ahead.y(), ahead.x()));
   return map;
 }
 

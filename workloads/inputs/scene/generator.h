@@ -34,8 +34,8 @@ void check_options(const SceneOptions& options);
 
 struct FloorMap {
   std::string yaml, pgm;  ///< Of ROS map_server; the image is named map.pgm.
-  /// `goal: [x, y]` and `start: [x, y, heading]`, where the robot begins: metres in the map's frame
-  /// and degrees.
+  /// `goal: [x, y]` and `start: [x, y, heading]`, where the robot begins and its left camera looks:
+  /// metres in the map's frame and degrees.
   std::string goal_yaml;
 };
 

@@ -2,13 +2,11 @@
 
 #include <fmt/core.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <utility>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
-#include "workloads/base/text/yaml.h"
 #include "workloads/inputs/sequence/camera_info.h"
 #include "workloads/inputs/sequence/sequence.h"
 
@@ -17,45 +15,34 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<double> list_of(const YamlNode& node, std::size_t least, std::size_t most) {
-  std::vector<double> values;
-  for (const auto& item : node.items()) values.push_back(item.number(-1e6, 1e6));
-  if (values.size() < least || values.size() > most) {
-    node.fail(fmt::format("must be a list of {} numbers", least));
-  }
-  return values;
-}
-
 /// Rows of 4, as Kalibr writes them.
 Pose rigid_of(const YamlNode& node) {
   const auto rows = node.items();
   if (rows.size() != 4) node.fail("must be 4 rows of 4 numbers");
   Pose pose;
   for (Eigen::Index r = 0; r < 3; ++r) {
-    const auto row = list_of(rows[static_cast<std::size_t>(r)], 4, 4);
+    const auto row = numbers_of(rows[static_cast<std::size_t>(r)], 4, 4);
     pose.rotation.row(r) << row[0], row[1], row[2];
     pose.position(r) = row[3];
   }
-  if (!(pose.rotation * pose.rotation.transpose()).isIdentity(1e-3) ||
-      pose.rotation.determinant() < 0 || pose.position.norm() > 5) {
+  const auto rotation = checked_rotation(pose.rotation);
+  if (!rotation || pose.position.norm() > 5) {
     node.fail("is no rotation and translation of a sensor, in metres");
   }
-  pose.rotation = nearest_rotation(pose.rotation);
+  pose.rotation = *rotation;
   return pose;
 }
 
 /// Row by row. Of a camera that nobody has calibrated all are 0.
 Eigen::Matrix3d rotation_of_nine(const YamlNode& node) {
-  const auto rows = list_of(node, 9, 9);
+  const auto rows = numbers_of(node, 9, 9);
   if (std::ranges::all_of(rows, [](double each) { return each == 0; })) {
     return Eigen::Matrix3d::Identity();
   }
-  const Eigen::Matrix3d rotation =
-      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rows.data());
-  if (!(rotation * rotation.transpose()).isIdentity(1e-3) || rotation.determinant() < 0) {
-    node.fail("is no rotation");
-  }
-  return nearest_rotation(rotation);
+  const auto rotation =
+      checked_rotation(Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rows.data()));
+  if (!rotation) node.fail("is no rotation");
+  return *rotation;
 }
 
 /// @param k  fx, fy, cx, cy
@@ -76,13 +63,13 @@ GivenCamera kalibr_camera(const YamlNode& node) {
   if (size.size() != 2) node.at("resolution").fail("must be [width, height]");
   camera.model.width = static_cast<int>(size[0].integer(kSmallestSide, kLargestSide));
   camera.model.height = static_cast<int>(size[1].integer(kSmallestSide, kLargestSide));
-  set_pinhole(camera.model, node.at("intrinsics"), list_of(node.at("intrinsics"), 4, 4));
+  set_pinhole(camera.model, node.at("intrinsics"), numbers_of(node.at("intrinsics"), 4, 4));
   std::string lens = node.has("distortion_model") ? node.at("distortion_model").text() : "none";
   if (lens == "radtan") lens = "plumb_bob";
   const bool has_lens = lens != "none" && node.has("distortion_coeffs");
   const std::string problem =
       set_lens(camera.model, lens,
-               has_lens ? list_of(node.at("distortion_coeffs"), 0, 8) : std::vector<double>());
+               has_lens ? numbers_of(node.at("distortion_coeffs"), 0, 8) : std::vector<double>());
   if (!problem.empty()) node.fail(problem);
   if (node.has("rostopic")) camera.topic = node.at("rostopic").text();
   if (node.has("T_cam_imu")) camera.body_from_camera = rigid_of(node.at("T_cam_imu")).inverse();
@@ -119,15 +106,15 @@ GivenCamera ros_camera(const YamlNode& node) {
       static_cast<int>(node.at("image_width").integer(kSmallestSide, kLargestSide));
   camera.model.height =
       static_cast<int>(node.at("image_height").integer(kSmallestSide, kLargestSide));
-  const auto k = list_of(node.at("camera_matrix").at("data"), 9, 9);
+  const auto k = numbers_of(node.at("camera_matrix").at("data"), 9, 9);
   set_pinhole(camera.model, node.at("camera_matrix"), {k[0], k[4], k[2], k[5]});
   const std::string lens =
       node.has("distortion_model") ? node.at("distortion_model").text() : "plumb_bob";
-  const std::string problem =
-      set_lens(camera.model, lens, list_of(node.at("distortion_coefficients").at("data"), 0, 14));
+  const std::string problem = set_lens(
+      camera.model, lens, numbers_of(node.at("distortion_coefficients").at("data"), 0, 14));
   if (!problem.empty()) node.at("distortion_coefficients").fail(problem);
   if (node.has("projection_matrix")) {
-    const auto p = list_of(node.at("projection_matrix").at("data"), 12, 12);
+    const auto p = numbers_of(node.at("projection_matrix").at("data"), 12, 12);
     CameraModel& rectified = camera.rectified.emplace();
     rectified.width = camera.model.width;
     rectified.height = camera.model.height;
@@ -147,6 +134,22 @@ GivenCamera euroc_camera(const fs::path& file) {
 
 }  // namespace
 
+YamlNode read_opencv_yaml(const fs::path& file) {
+  std::string text = read_text(file);
+  if (text.starts_with("%YAML:")) text.front() = '#';
+  return parse_yaml(file.string(), text);
+}
+
+std::vector<double> numbers_of(const YamlNode& list, std::size_t least, std::size_t most,
+                               double largest) {
+  std::vector<double> values;
+  for (const auto& item : list.items()) values.push_back(item.number(-largest, largest));
+  if (values.size() < least || values.size() > most) {
+    list.fail(fmt::format("must be a list of {} numbers", least));
+  }
+  return values;
+}
+
 std::vector<GivenCamera> read_calibration(const fs::path& path) {
   std::error_code failed;
   std::vector<GivenCamera> cameras;
@@ -159,9 +162,7 @@ std::vector<GivenCamera> read_calibration(const fs::path& path) {
     if (!cameras.empty()) return cameras;
     throw_bad_input("'" + path.string() + "' has no cam0/sensor.yaml, which is a calibration");
   }
-  std::string text = read_text(path);
-  if (text.starts_with("%YAML:")) text.front() = '#';
-  const YamlNode root = parse_yaml(path.string(), text);
+  const YamlNode root = read_opencv_yaml(path);
   if (root.has("camera_matrix")) return {ros_camera(root)};
   if (root.has("intrinsics")) return {euroc_camera(path)};
   cameras = kalibr_cameras(root);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "workloads/base/geometry/camera.h"
+#include "workloads/base/text/yaml.h"
 
 namespace pirt {
 
@@ -28,5 +29,11 @@ struct GivenCamera {
 ///              writes (camera_matrix).
 /// @throws Error{kBadInput} with file:line.
 [[nodiscard]] std::vector<GivenCamera> read_calibration(const std::filesystem::path& path);
+
+/// OpenCV writes "%YAML:1.0", which is no YAML directive.
+[[nodiscard]] YamlNode read_opencv_yaml(const std::filesystem::path& file);
+/// Of a list of @p least to @p most numbers, each of up to @p largest.
+[[nodiscard]] std::vector<double> numbers_of(const YamlNode& list, std::size_t least,
+                                             std::size_t most, double largest = 1e6);
 
 }  // namespace pirt

@@ -15,10 +15,9 @@ Eigen::Matrix3d rotation_in(const WireReader& in, const std::vector<double>& row
   }
   Eigen::Matrix3d rotation;
   for (Eigen::Index i = 0; i < 9; ++i) rotation(i / 3, i % 3) = rows[static_cast<std::size_t>(i)];
-  if (!(rotation * rotation.transpose()).isIdentity(1e-3) || rotation.determinant() < 0) {
-    in.fail("is no calibration: its R is no rotation");
-  }
-  return nearest_rotation(rotation);
+  const auto checked = checked_rotation(rotation);
+  if (!checked) in.fail("is no calibration: its R is no rotation");
+  return *checked;
 }
 
 }  // namespace
@@ -28,7 +27,13 @@ Pose InfoCamera::pose_of(const InfoCamera& right) const {
   const Eigen::Matrix3d to_rectified =
       right.rectified_from_raw * right.picture_from_raw().transpose();
   return {from_rectified * to_rectified,
-          from_rectified * Eigen::Vector3d(right.right_of_left_m, 0, 0)};
+          from_rectified * Eigen::Vector3d(right.right_m - right_m, 0, 0)};
+}
+
+std::optional<Eigen::Matrix3d> checked_rotation(const Eigen::Matrix3d& matrix) {
+  const bool is_rotation =
+      (matrix * matrix.transpose()).isIdentity(1e-3) && matrix.determinant() > 0;
+  return is_rotation ? std::optional(nearest_rotation(matrix)) : std::nullopt;
 }
 
 std::string no_pinhole(const CameraModel& camera) {
@@ -140,8 +145,8 @@ InfoCamera camera_of(const WireReader& in, const CameraInfoMessage& message, boo
     const std::string why_not = set_lens(model, message.distortion_model, message.d);
     if (!why_not.empty()) in.fail(why_not);
   }
-  if (message.p[0] > 0) camera.right_of_left_m = -message.p[3] / message.p[0];
-  if (!std::isfinite(camera.right_of_left_m)) in.fail("is no calibration: its P is not finite");
+  if (message.p[0] > 0) camera.right_m = -message.p[3] / message.p[0];
+  if (!std::isfinite(camera.right_m)) in.fail("is no calibration: its P is not finite");
   return camera;
 }
 

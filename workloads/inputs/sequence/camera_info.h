@@ -1,6 +1,7 @@
 // A camera as its sensor_msgs/CameraInfo describes it.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,8 +15,8 @@ struct InfoCamera {
   /// From the axes of its frame of coordinates to those of rectified pictures.
   Eigen::Matrix3d rectified_from_raw = Eigen::Matrix3d::Identity();
   bool is_rectified = false;
-  double right_of_left_m =
-      0;  ///< Of the right one of a pair, along the axes of rectified pictures.
+  /// Of the camera that all are rectified to, along the axes of rectified pictures.
+  double right_m = 0;
 
   [[nodiscard]] Eigen::Matrix3d picture_from_raw() const {
     return is_rectified ? rectified_from_raw : Eigen::Matrix3d::Identity();
@@ -31,6 +32,9 @@ struct InfoCamera {
 /// @source sensor_msgs/CameraInfo.msg; binning and region as image_geometry takes them.
 [[nodiscard]] InfoCamera camera_of(const WireReader& in, const CameraInfoMessage& message,
                                    bool rectified);
+
+/// The rotation nearest to @p matrix; absent if that is none to 1e-3, or mirrors.
+[[nodiscard]] std::optional<Eigen::Matrix3d> checked_rotation(const Eigen::Matrix3d& matrix);
 
 /// Why these are no focal lengths and no centre of a picture; empty = they may be.
 [[nodiscard]] std::string no_pinhole(const CameraModel& camera);

@@ -12,8 +12,6 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/math/pixel_index.h"
-#include "workloads/base/text/text.h"
-#include "workloads/base/text/yaml.h"
 #include "workloads/inputs/sequence/calibration_file.h"
 #include "workloads/inputs/sequence/camera_info.h"
 #include "workloads/inputs/sequence/imu_check.h"
@@ -26,12 +24,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kRotationTolerance = 1e-3;
 constexpr double kLongestExtrinsic_m = 5.0;     // a rig of millimetres has hundreds
 constexpr double kFastestGyro_rad_s = 35.0;     // 2000 degrees/s, where MEMS gyroscopes saturate
 constexpr double kStrongestAccel_m_s2 = 400.0;  // 40 g
 
-/// OpenCV writes "%YAML:1.0", which is no YAML directive.
 YamlNode read_sensor(const fs::path& file) {
   if (!fs::exists(file)) {
     throw_bad_input(fmt::format(
@@ -39,36 +35,26 @@ YamlNode read_sensor(const fs::path& file) {
         "it: --calibration camchain.yaml",
         file.string()));
   }
-  std::string text = read_text(file);
-  if (text.starts_with("%YAML:")) text.front() = '#';
-  return parse_yaml(file.string(), text);
-}
-
-std::vector<double> numbers_of(const YamlNode& list, std::size_t count, double largest) {
-  const auto items = list.is_sequence() ? list.items() : std::vector<YamlNode>();
-  if (items.size() != count) list.fail(fmt::format("must be a list of {} numbers", count));
-  std::vector<double> values;
-  for (const auto& item : items) values.push_back(item.number(-largest, largest));
-  return values;
+  return read_opencv_yaml(file);
 }
 
 Pose read_extrinsics(const YamlNode& sensor) {
   const YamlNode node = sensor.at("T_BS").at("data");
-  const auto m = numbers_of(node, 16, 1e6);
+  const auto m = numbers_of(node, 16, 16);
   Pose pose;
   for (int r = 0; r < 3; ++r) {
     for (int c = 0; c < 3; ++c) pose.rotation(r, c) = m[pixel_index(c, r, 4)];
     pose.position(r) = m[pixel_index(3, r, 4)];
   }
-  const Eigen::Matrix3d product = pose.rotation * pose.rotation.transpose();
-  if (!product.isIdentity(kRotationTolerance) || pose.rotation.determinant() < 0) {
+  const auto rotation = checked_rotation(pose.rotation);
+  if (!rotation) {
     node.fail("the left 3x3 numbers are no rotation (row-major, orthonormal, determinant 1)");
   }
   if (pose.position.norm() > kLongestExtrinsic_m) {
     node.fail(fmt::format("the sensor is {:.1f} m from the body; are these millimetres?",
                           pose.position.norm()));
   }
-  pose.rotation = nearest_rotation(pose.rotation);
+  pose.rotation = *rotation;
   return pose;
 }
 
@@ -209,7 +195,7 @@ void read_cameras(const fs::path& root, const ReadOptions& options,
   std::vector<std::vector<Stamped>> pictures;
   std::vector<fs::path> folders;
   for (const char* name : {"cam0", "cam1"}) {
-    if (!fs::exists(root / name)) continue;
+    if (!fs::exists(root / name) || (!folders.empty() && !options.second_camera)) continue;
     folders.push_back(root / name);
     pictures.push_back(read_frames(root / name, sequence.warnings));
     const std::size_t camera = sequence.cameras.size();
@@ -289,7 +275,7 @@ CameraModel read_camera_yaml(const fs::path& file) {
   if (sensor.has("camera_model") && sensor.at("camera_model").text() != "pinhole") {
     sensor.at("camera_model").fail("only pinhole is known");
   }
-  const auto pinhole = numbers_of(sensor.at("intrinsics"), 4, 1e5);
+  const auto pinhole = numbers_of(sensor.at("intrinsics"), 4, 4, 1e5);
   camera.fx = pinhole[0], camera.fy = pinhole[1], camera.cx = pinhole[2], camera.cy = pinhole[3];
   const auto no_camera = no_pinhole(camera);
   if (!no_camera.empty()) sensor.at("intrinsics").fail(no_camera);
@@ -299,7 +285,7 @@ CameraModel read_camera_yaml(const fs::path& file) {
     sensor.at("distortion_model")
         .fail("'" + model + "' is not known; radial-tangential and equidistant are");
   }
-  const auto lens = numbers_of(sensor.at("distortion_coefficients"), 4, 10.0);
+  const auto lens = numbers_of(sensor.at("distortion_coefficients"), 4, 4, 10.0);
   const auto problem = set_lens(camera, model == "equidistant" ? model : "plumb_bob", lens);
   if (!problem.empty()) sensor.at("distortion_coefficients").fail(problem);
   camera.body_from_camera = read_extrinsics(sensor);
@@ -382,7 +368,13 @@ Sequence read_euroc(const fs::path& folder, const ReadOptions& options) {
   if (!given.empty()) frames_by_imu(sequence, given.front().imu_later_s);
   for (const char* name : {"state_groundtruth_estimate0", "mocap0"}) {
     const fs::path truth = root / name / "data.csv";
-    if (fs::exists(truth)) sequence.truth = read_truth_csv(truth, sequence.warnings);
+    if (!fs::exists(truth)) continue;
+    sequence.truth = read_truth_csv(truth, sequence.warnings);
+    if (is_placed || !options.truth.empty()) continue;
+    sequence.warnings.push_back(
+        fmt::format("nobody knows where what {} is of sits on the camera, whose path is estimated: "
+                    "errors against {} have that in them",
+                    name, name));
   }
   return sequence;
 }

@@ -163,17 +163,16 @@ void read_poses(const fs::path& file, Sequence& sequence, const std::vector<Numb
       for (int c = 0; c < 3; ++c) row.body.rotation(r, c) = pose[pixel_index(c, r, 4)];
       row.body.position(r) = pose[pixel_index(3, r, 4)];
     }
-    if (!(row.body.rotation * row.body.rotation.transpose()).isIdentity(1e-3)) {
-      from.fail("is no rotation and translation");
-    }
-    row.body.rotation = nearest_rotation(row.body.rotation);
+    const auto rotation = checked_rotation(row.body.rotation);
+    if (!rotation) from.fail("is no rotation and translation");
+    row.body.rotation = *rotation;
     sequence.truth.push_back(row);
   }
 }
 
 }  // namespace
 
-Sequence read_kitti(const fs::path& folder) {
+Sequence read_kitti(const fs::path& folder, const ReadOptions& options) {
   Sequence sequence;
   sequence.name = folder.string();
   const fs::path calibration = folder / "calib.txt";
@@ -183,7 +182,8 @@ Sequence read_kitti(const fs::path& folder) {
   }
   const fs::path left = first_of(folder, {"image_0", "image_l"});
   if (left.empty()) throw_bad_input("'" + folder.string() + "' has neither image_0 nor image_l");
-  const fs::path right = first_of(folder, {"image_1", "image_r"});
+  const fs::path right =
+      options.second_camera ? first_of(folder, {"image_1", "image_r"}) : fs::path();
   const auto others = right.empty() ? std::map<Number, fs::path>() : numbered_pictures(right);
   std::vector<Number> numbers;
   std::vector<Shot> shots;

@@ -115,14 +115,13 @@ class Reader {
   /// What is read of each message: of pictures their heads.
   void find_topics() {
     std::vector<std::size_t> topics;
+    const bool is_mono = chosen_.right == kNone || !options_.second_camera;
     if (chosen_.left) {
       topics.push_back(checked(*chosen_.left, picture_types()));
-      if (chosen_.right && chosen_.right != kNone) {
-        topics.push_back(checked(*chosen_.right, picture_types()));
-      }
+      if (chosen_.right && !is_mono) topics.push_back(checked(*chosen_.right, picture_types()));
     } else {
       topics = find_cameras();
-      if (chosen_.right == kNone) topics.resize(1);
+      if (is_mono) topics.resize(1);
     }
     for (const std::size_t each : topics) {
       cameras_.push_back({each, topic(each).type == ImageMessage::kCompressedType});
@@ -344,11 +343,15 @@ class Reader {
     auto samples = std::move(imus_[0].samples);
     const auto& given = cameras_.front().calibration.given;
     const bool is_placed = given && given->body_from_camera;
-    if (!is_placed && !transforms_.between(frame, cameras_.front().frame)) {
+    // Two that name no frame are not in the same one.
+    const bool is_named = !frame.empty() || !cameras_.front().frame.empty();
+    if (!is_placed && !(is_named && transforms_.between(frame, cameras_.front().frame))) {
+      const std::string why = is_named
+                                  ? fmt::format("no transform of /tf_static leads from {} to {}",
+                                                cameras_.front().frame, frame)
+                                  : "neither it nor the camera names its frame for /tf_static";
       sequence_.warnings.push_back(
-          fmt::format("{} is not used: no transform of /tf_static leads from {} to {}, so that "
-                      "nobody knows where the IMU sits",
-                      name, cameras_.front().frame, frame));
+          fmt::format("{} is not used: {}, so that nobody knows where the IMU sits", name, why));
       return;
     }
     if (imus_.size() > 1) {
@@ -390,7 +393,7 @@ class Reader {
         right.model().body_from_camera = left.model().body_from_camera * *from_right;
       } else if (right.frame != left.frame && transforms_.between(body_, right.frame)) {
         right.model().body_from_camera = place(right);
-      } else if (right_info.right_of_left_m > 0) {
+      } else if (right_info.right_m > left_info.right_m) {
         right.model().body_from_camera =
             left.model().body_from_camera * left_info.pose_of(right_info);
       } else {
@@ -437,6 +440,24 @@ class Reader {
     };
   }
 
+  /// The one of the left camera's robot, whose name theirs begin with.
+  [[nodiscard]] std::size_t truth_of_several(const std::vector<std::size_t>& all) const {
+    const auto robot_of = [this](std::size_t id) {
+      const std::string& name = topic(id).name;
+      return name.substr(0, name.find('/', 1));
+    };
+    std::vector<std::size_t> same;
+    std::vector<std::string> names;
+    for (const std::size_t each : all) {
+      names.push_back(topic(each).name);
+      if (robot_of(each) == robot_of(cameras_.front().topic)) same.push_back(each);
+    }
+    if (same.size() == 1) return same.front();
+    fail(
+        fmt::format("has {} topics that could be truth; choose one: --topics truth={}, or none: {}",
+                    all.size(), names.front(), join(names, ", ")));
+  }
+
   /// What has truth in its name, else a PoseStamped by its type alone: others may be what a robot
   /// believes of itself.
   [[nodiscard]] std::optional<std::size_t> find_truth() {
@@ -456,6 +477,7 @@ class Reader {
       }
     }
     const bool is_named = !found.empty();
+    if (found.size() > 1) found = {truth_of_several(found)};
     for (const std::size_t each : recording_->of_type(PoseMessage::kType)) {
       // A PoseStamped is also where a robot is to go.
       const bool is_wish =

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <array>
+#include <cmath>
 
 #include "workloads/base/error.h"
 #include "workloads/inputs/recording/messages.h"
@@ -15,11 +16,21 @@ bool is_rectified(const std::string& topic) {
   return base.substr(base.rfind('/') + 1).starts_with("image_rect");
 }
 
+std::array<double, 8> lens_of(const CameraModel& model) {
+  return {model.k1, model.k2, model.p1, model.p2, model.k3, model.k4, model.k5, model.k6};
+}
+
 bool has_lens(const CameraModel& model) {
-  const std::array terms = {model.k1, model.k2, model.p1, model.p2,
-                            model.k3, model.k4, model.k5, model.k6};
-  return model.lens != Lens::kRadialTangential ||
-         std::ranges::any_of(terms, [](double term) { return term != 0; });
+  return model.lens != Lens::kRadialTangential || lens_of(model) != std::array<double, 8>{};
+}
+
+/// As of a camera that zooms or is calibrated again.
+bool is_other(const CameraModel& a, const CameraModel& b) {
+  constexpr double kLeast = 0.5;  // pixels
+  const auto parts = {&CameraModel::fx, &CameraModel::fy, &CameraModel::cx, &CameraModel::cy};
+  return a.lens != b.lens || lens_of(a) != lens_of(b) || std::ranges::any_of(parts, [&](auto part) {
+           return std::abs(a.*part - b.*part) > kLeast;
+         });
 }
 
 }  // namespace
@@ -107,6 +118,13 @@ RecordedCalibration RecordedCalibrations::of(const std::string& name, std::size_
     camera = camera_of(in, read, is_rectified(name));
     return read;
   });
+  const CameraModel last = last_message(recording_, *info, [&](WireReader& in) {
+    return camera_of(in, read_camera_info(in), is_rectified(name)).model;
+  });
+  if (is_other(camera.model, last)) {
+    warnings.push_back(fmt::format("{} changes; the first is used for all pictures of {}",
+                                   recording_.topics()[*info].name, name));
+  }
   // As image_geometry takes it; a simulated camera has none, but a driver may not know it.
   if (message.d.empty() && !is_rectified(name)) {
     warnings.push_back(

@@ -19,16 +19,29 @@ namespace pirt {
 /// Without image_transport's part: "/cam0/image_raw" of "/cam0/image_raw/compressed".
 [[nodiscard]] std::string base_topic(const std::string& topic);
 
+template <typename Read>
+[[nodiscard]] auto read_message(const Recording& recording, std::size_t topic, std::size_t i,
+                                const Read& read) {
+  const std::string bytes = recording.message(topic, i);
+  auto in = recording.reader(topic, i, bytes);
+  return read(in);
+}
+
 /// Of the first message that is one, among the first hundred: a sensor that starts may say
 /// nonsense.
 template <typename Read>
 [[nodiscard]] auto first_message(const Recording& recording, std::size_t topic, const Read& read) {
   constexpr std::size_t kTried = 100;
-  return first_usable(std::min(kTried, recording.topics()[topic].messages), [&](std::size_t i) {
-    const std::string bytes = recording.message(topic, i);
-    auto in = recording.reader(topic, i, bytes);
-    return read(in);
-  });
+  return first_usable(std::min(kTried, recording.topics()[topic].messages),
+                      [&](std::size_t i) { return read_message(recording, topic, i, read); });
+}
+
+/// Of the last one that is one.
+template <typename Read>
+[[nodiscard]] auto last_message(const Recording& recording, std::size_t topic, const Read& read) {
+  const std::size_t count = recording.topics()[topic].messages;
+  return first_usable(
+      count, [&](std::size_t i) { return read_message(recording, topic, count - 1 - i, read); });
 }
 
 struct RecordedCalibration {

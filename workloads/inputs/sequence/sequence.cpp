@@ -24,20 +24,17 @@ template <typename Row>
 void find_gaps(const std::vector<Row>& rows, const std::string& what,
                std::vector<std::string>& found) {
   if (rows.size() < 3) return;
-  std::vector<Nanos> steps;
-  for (std::size_t i = 1; i < rows.size(); ++i) steps.push_back(rows[i].time - rows[i - 1].time);
-  auto sorted = steps;
-  std::ranges::sort(sorted);
-  const double usual_s = to_s(sorted[sorted.size() / 2]);
+  const double usual_s = to_s(usual_step(stamps_of(rows)));
   std::size_t gaps = 0;
   double longest_s = 0;
   double at_s = 0;
-  for (std::size_t i = 0; i < steps.size(); ++i) {
-    if (to_s(steps[i]) < kGap * usual_s) continue;
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    const double step_s = to_s(rows[i].time - rows[i - 1].time);
+    if (step_s < kGap * usual_s) continue;
     ++gaps;
-    if (to_s(steps[i]) <= longest_s) continue;
-    longest_s = to_s(steps[i]);
-    at_s = to_s(rows[i].time - rows[0].time);
+    if (step_s <= longest_s) continue;
+    longest_s = step_s;
+    at_s = to_s(rows[i - 1].time - rows[0].time);
   }
   if (gaps == 0) return;
   found.push_back(
@@ -144,7 +141,7 @@ Sequence read_layout(const fs::path& folder, const ReadOptions& options) {
                     "EuRoC's layout");
   }
   if (is_euroc || is_kitti) {
-    Sequence sequence = is_euroc ? read_euroc(folder, options) : read_kitti(folder);
+    Sequence sequence = is_euroc ? read_euroc(folder, options) : read_kitti(folder, options);
     if (is_recording) {
       sequence.warnings.push_back("the recording that lies in '" + folder.string() +
                                   "' is not read; its pictures are");
@@ -160,9 +157,17 @@ Sequence read_layout(const fs::path& folder, const ReadOptions& options) {
 /// Two cameras at one place have no depth: one file was taken for both.
 void check_baseline(Sequence& sequence) {
   if (sequence.cameras.size() < 2) return;
-  const Pose right_from_left =
-      sequence.cameras[1].body_from_camera.inverse() * sequence.cameras[0].body_from_camera;
-  if (right_from_left.position.norm() > 1e-3) return;
+  constexpr double kLongest_m = 5;
+  const double apart_m = (sequence.cameras[1].body_from_camera.position -
+                          sequence.cameras[0].body_from_camera.position)
+                             .norm();
+  if (apart_m > kLongest_m) {
+    throw_bad_input(
+        fmt::format("'{}': by the calibration the two cameras are {:.1f} m apart; are these "
+                    "millimetres? Give metres, or use one camera (--mono)",
+                    sequence.name, apart_m));
+  }
+  if (apart_m > 1e-3) return;
   sequence.warnings.push_back(
       "the calibration puts both cameras at one place; those of the second are not used");
   sequence.cameras.resize(1);

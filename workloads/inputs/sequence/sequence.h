@@ -72,6 +72,7 @@ inline constexpr Nanos kPairTolerance = std::chrono::milliseconds(3);
 
 struct ReadOptions {
   bool imu = true;             ///< False: one that is there is not read, nor judged.
+  bool second_camera = true;   ///< Likewise.
   SequenceTopics topics = {};  ///< Of a recording.
   /// What a recording, or a folder of EuRoC's layout, does not say of its cameras
   /// (calibration_file.h).
@@ -100,7 +101,8 @@ struct ReadOptions {
 /// KITTI odometry: calib.txt (P0, P1), image_0 or image_l, image_1 or image_r, times.txt,
 /// poses.txt. Body = left camera. Without times.txt frames are 0.1 s apart, which a warning says.
 /// Pictures are in order of the numbers in their names, and those of one number belong together.
-[[nodiscard]] Sequence read_kitti(const std::filesystem::path& folder);
+[[nodiscard]] Sequence read_kitti(const std::filesystem::path& folder,
+                                  const ReadOptions& options = {});
 
 /// The rows of EuRoC's imu0/data.csv and state_groundtruth_estimate0/data.csv, or of TUM-VI's
 /// mocap0/data.csv, which has poses alone. What does not rise is left out with a warning.

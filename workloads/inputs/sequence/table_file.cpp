@@ -88,10 +88,11 @@ std::string name_of(std::string_view cell) {
 /// @throws Error{kBadInput} for a unit that is not the one in which the column is read.
 void check_unit(const TableRow& heading, std::size_t column, std::string_view name) {
   const std::string& cell = heading.text(column);
-  const auto begin = cell.find('[');
+  const auto begin = cell.find('[') != std::string::npos ? cell.find('[') : cell.find('(');
   if (begin == std::string::npos) return;
-  const std::string unit =
-      trimmed(std::string_view(cell).substr(begin + 1, cell.find(']') - begin - 1));
+  const auto end = cell.find_first_of("])", begin);
+  std::string unit = trimmed(std::string_view(cell).substr(begin + 1, end - begin - 1));
+  if (unit.starts_with("in ")) unit = trimmed(unit.substr(3));  // "(in m)"
   const auto is_one_of = [&](std::initializer_list<std::string_view> units) {
     return std::ranges::any_of(units, [&](std::string_view each) {
       return unit == each || unit.starts_with(std::string(each) + " ") ||

@@ -27,6 +27,8 @@ std::vector<Pair> pairs_of(std::span<const StampedPose> estimate, std::span<cons
   return pairs;
 }
 
+constexpr std::size_t kLeastPairs = 3;
+
 double heading_between(const Eigen::Matrix3d& from, const Eigen::Matrix3d& to) {
   const Eigen::Matrix3d turn = to * from.transpose();
   return std::atan2(turn(1, 0) - turn(0, 1), turn(0, 0) + turn(1, 1));
@@ -41,7 +43,7 @@ Similarity align_start(const Pair& first) {
 }
 
 Similarity align_pairs(const std::vector<Pair>& pairs, Alignment alignment) {
-  if (pairs.empty() || (alignment != Alignment::kStartYaw && pairs.size() < 3)) {
+  if (pairs.empty() || (alignment != Alignment::kStartYaw && pairs.size() < kLeastPairs)) {
     throw_bad_input(fmt::format("only {} poses of the trajectory have truth; it cannot be aligned",
                                 pairs.size()));
   }
@@ -128,6 +130,10 @@ std::optional<Pose> truth_at(std::span<const TruthRow> truth, Nanos time) {
   const Eigen::Quaterniond q1(after->body.rotation);
   return Pose{q0.slerp(part, q1).toRotationMatrix(),
               (1 - part) * before.body.position + part * after->body.position};
+}
+
+bool can_align(std::span<const StampedPose> estimate, std::span<const TruthRow> truth) {
+  return pairs_of(estimate, truth).size() >= kLeastPairs;
 }
 
 Similarity align(std::span<const StampedPose> estimate, std::span<const TruthRow> truth,

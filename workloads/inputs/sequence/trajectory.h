@@ -47,8 +47,11 @@ struct Similarity {
 /// A pose of a world that is @p similarity away.
 [[nodiscard]] Pose moved(const Similarity& similarity, const Pose& pose);
 
+/// Whether 3 poses have truth, by which it can be aligned.
+[[nodiscard]] bool can_align(std::span<const StampedPose> estimate,
+                             std::span<const TruthRow> truth);
 /// Of estimate to truth, by the poses that have truth.
-/// @throws Error{kBadInput} if fewer than 3 have (1 for kStartYaw).
+/// @throws Error{kBadInput} unless can_align() (of kStartYaw if none has).
 [[nodiscard]] Similarity align(std::span<const StampedPose> estimate,
                                std::span<const TruthRow> truth, Alignment alignment);
 

@@ -156,6 +156,14 @@ std::optional<double> stereo_depth(const Setup& setup, const Eigen::Vector2d& le
   return 1.0 / used;
 }
 
+double farthest_stereo(const Setup& setup) {
+  constexpr double kLeastDisparity = 4.0;  // pixels; a ray may be off by one
+  if (setup.cameras.size() < 2) return 0;
+  const Pose right_from_left =
+      setup.cameras[1].body_from_camera.inverse() * setup.cameras[0].body_from_camera;
+  return right_from_left.position.norm() * setup.cameras[1].focal() / kLeastDisparity;
+}
+
 RayRows rows_of_ray(const Pose& camera, const Eigen::Vector3d& point, const Eigen::Vector2d& ray) {
   const Eigen::Vector3d p = camera.rotation.transpose() * (point - camera.position);
   return {ray - p.head<2>() / p.z(), projection_slope(p) * camera.rotation.transpose()};

@@ -35,6 +35,8 @@ struct Triangulated {
 /// @p most_miss (of the right ray, radians).
 [[nodiscard]] std::optional<double> stereo_depth(const Setup& setup, const Eigen::Vector2d& left,
                                                  const Eigen::Vector2d& right, double most_miss);
+/// Up to where stereo_depth() tells a depth, and not only that a point is far; 0 of one camera.
+[[nodiscard]] double farthest_stereo(const Setup& setup);
 
 /// A ray beside a point that it may be of, in the ray's unit.
 struct RayRows {

@@ -2,6 +2,8 @@
 // descriptors, or from two views.
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "workloads/slam/filter/filter.h"
 #include "workloads/slam/filter/map_use.h"
@@ -98,7 +100,10 @@ bool place_clones(State& state, const Setup& setup, const Pose& last_camera) {
     Eigen::Vector3d point;
   };
   std::vector<Known> known;
-  std::vector<double> depths;
+  std::vector<double> depths, scales;
+  std::size_t paired = 0;
+  const double farthest = farthest_stereo(setup);
+  constexpr double kAnyMiss = std::numeric_limits<double>::max();  // they were checked before
   for (const auto& track : state.tracks) {
     if (track.seen.empty() || track.seen.front().frame != first) continue;
     if (track.seen.back().frame != last) continue;
@@ -108,13 +113,22 @@ bool place_clones(State& state, const Setup& setup, const Pose& last_camera) {
     if (!point || point->rms > 2 * ray_sigma) continue;
     known.push_back({&track, point->point});
     depths.push_back(point->depth);
+    for (const auto& [camera, seen] :
+         {std::pair(first_camera, track.seen.front()), std::pair(last_camera, track.seen.back())}) {
+      if (!seen.has_right) continue;
+      ++paired;
+      const auto depth = stereo_depth(setup, seen.left, seen.right, kAnyMiss);
+      if (depth && *depth < farthest) {
+        scales.push_back(*depth / (camera.inverse() * point->point).z());
+      }
+    }
   }
   constexpr std::size_t kLeast = 20;
   if (known.size() < kLeast) return false;
-  std::ranges::nth_element(depths, depths.begin() + std::ssize(depths) / 2);
-  // The unit of length: half of the points are nearer than this.
+  // The unit of length of a single camera: half of the points are nearer than this.
   constexpr double kMedianDepth = 5.0;
-  const double scale = kMedianDepth / depths[depths.size() / 2];
+  const bool knows = scales.size() >= kLeastStereo && sees_stereo(paired, 2 * known.size());
+  const double scale = knows ? median(scales) : kMedianDepth / median(depths);
   for (std::size_t i = 1; i < state.clones.size(); ++i) {
     Pose camera = last_camera;
     if (i + 1 < state.clones.size()) {

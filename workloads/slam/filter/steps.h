@@ -53,6 +53,8 @@ struct FrameReport {
   int points = 0;      ///< Tracks that ended and were used.
   int rejected = 0;    ///< Measurements that were no inliers.
   int from_map = 0;    ///< Of those recognized, points of a map, which had left the filter.
+  /// Of those followed, so near that two cameras tell how far they are; 0 by sees_stereo().
+  int stereo = 0;
 };
 
 /// Corrects the state by what was followed and what is known again. Adds a clone of the pose.
@@ -72,8 +74,16 @@ inline constexpr std::size_t kMostPoints = 30;  ///< In one frame: what bounds i
 MapChange extend_map(State& state, const Setup& setup, const Features& features,
                      const BetterMap& better = {});
 
-/// Without an IMU: takes the first frames that have a base line as the start (its length sets the
-/// unit of length).
+/// Points that two cameras tell the unit of length by.
+inline constexpr std::size_t kLeastStereo = 20;
+/// Whether enough of the points that are followed are found in the second picture. Where pictures
+/// are taken for each other's 7 % are, by chance (EuRoC's cameras), and seem to be near.
+[[nodiscard]] constexpr bool sees_stereo(std::size_t found, std::size_t followed) {
+  return 4 * found >= followed;
+}
+
+/// Without an IMU: takes the first frames that have a base line as the start. Its length is that
+/// by kLeastStereo depths of two cameras, else of a unit that nobody knows.
 /// @return  Whether the state tracks now.
 bool start_from_tracks(State& state, const Setup& setup);
 

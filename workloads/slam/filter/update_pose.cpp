@@ -423,6 +423,12 @@ FrameReport update_pose(State& state, const Setup& setup, const FrameTracks& tra
   add_clone(state, state.frame + 1);
   auto ended = take_tracks(state, setup, tracks);
   report.tracks = static_cast<int>(state.tracks.size());
+  std::size_t paired = 0;
+  for (const double farthest = farthest_stereo(setup); const Track& track : state.tracks) {
+    paired += track.has_right ? 1U : 0U;
+    report.stereo += track.has_right && track.depth < farthest ? 1 : 0;
+  }
+  if (!sees_stereo(paired, state.tracks.size())) report.stereo = 0;
   if (state.status == Status::kStarting) {
     start_from_tracks(state, setup);
     return report;

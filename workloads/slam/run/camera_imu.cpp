@@ -32,10 +32,12 @@ class Gyroscope {
  public:
   explicit Gyroscope(std::span<const ImuSample> samples) : samples_(samples) {
     turned_.push_back(Eigen::Matrix3d::Identity());
+    summed_.push_back(Eigen::Vector3d::Zero());
     for (std::size_t i = 1; i < samples.size(); ++i) {
       const double dt = to_s(samples[i].time - samples[i - 1].time);
       const Eigen::Vector3d mean = 0.5 * (samples[i].gyro_rad_s + samples[i - 1].gyro_rad_s);
       turned_.push_back(nearest_rotation(turned_.back() * rotation_of(dt * mean)));
+      summed_.push_back(summed_.back() + dt * mean);
     }
   }
   [[nodiscard]] bool covers(Nanos from, Nanos until) const {
@@ -45,6 +47,10 @@ class Gyroscope {
   /// The turn's vector. @param late_s  Of the stamps.
   [[nodiscard]] Eigen::Vector3d between(Nanos from, Nanos to, double late_s) const {
     return vector_of(until(from - from_s(late_s)).transpose() * until(to - from_s(late_s)));
+  }
+  /// The same of small turns, as a sum, which does not end at half a turn if it is of degrees.
+  [[nodiscard]] Eigen::Vector3d summed_between(Nanos from, Nanos to) const {
+    return summed_[sample_at(to)] - summed_[sample_at(from)];
   }
   [[nodiscard]] Eigen::Matrix3d until(Nanos time) const {
     const auto after = std::ranges::upper_bound(samples_, time, {}, &ImuSample::time);
@@ -59,8 +65,14 @@ class Gyroscope {
   }
 
  private:
+  [[nodiscard]] std::size_t sample_at(Nanos time) const {
+    const auto at = std::ranges::lower_bound(samples_, time, {}, &ImuSample::time);
+    return static_cast<std::size_t>(std::min(at - samples_.begin(), std::ssize(samples_) - 1));
+  }
+
   std::span<const ImuSample> samples_;
   std::vector<Eigen::Matrix3d> turned_;
+  std::vector<Eigen::Vector3d> summed_;
 };
 
 /// First frames of stretches that do not overlap, where what changes from picture to picture
@@ -307,6 +319,8 @@ class Correlation {
     return tells ? std::optional(products_ / std::sqrt(seen_squares_ * felt_squares_))
                  : std::nullopt;
   }
+  /// Of what is seen to what is felt.
+  [[nodiscard]] double ratio() const { return std::sqrt(seen_squares_ / felt_squares_); }
 
  private:
   double products_ = 0, seen_squares_ = 0, felt_squares_ = 0;
@@ -368,12 +382,12 @@ ImuAlike compare_imu(const Sequence& sequence) {
           (dt * dt));
       felt.push_back(force);
       seen_turns.push_back(vector_of(before.body.rotation.transpose() * after.body.rotation));
-      felt_turns.push_back(gyroscope.between(before.time, after.time, 0));
+      felt_turns.push_back(gyroscope.summed_between(before.time, after.time));
     }
     turns.add(seen_turns, felt_turns, false);
     accelerations.add(seen, felt, true);
   }
-  return {turns.value(kLeastTurn_rad), accelerations.value(kLeastChange_m_s2)};
+  return {turns.value(kLeastTurn_rad), accelerations.value(kLeastChange_m_s2), turns.ratio()};
 }
 
 std::vector<std::string> warnings_of(const ImuAlike& alike, const Sequence& sequence) {
@@ -386,6 +400,13 @@ std::vector<std::string> warnings_of(const ImuAlike& alike, const Sequence& sequ
                     sequence.name, *alike.turns, kWithout));
   }
   const bool turns_fit = !alike.turns || *alike.turns > kAlike;
+  constexpr double kLeastRatio = 0.1;  // of degrees 0.017
+  if (alike.turns && turns_fit && alike.turn_ratio < kLeastRatio) {
+    throw_bad_input(
+        fmt::format("'{}': the gyroscope turns {:.0f} times as far as the pictures; are these "
+                    "degrees/s? Give rad/s, {}",
+                    sequence.name, 1 / alike.turn_ratio, kWithout));
+  }
   // Turned by a wrong gyroscope, accelerations tell nothing.
   if (turns_fit && alike.accelerations && *alike.accelerations < kOpposite) {
     throw_bad_input(fmt::format(

@@ -40,6 +40,7 @@ struct ImuAlike {
   /// Opposite where a device says which way gravity pulls, not what holds the body against it. At
   /// rest nothing tells: the body may hang upside down.
   std::optional<double> accelerations;
+  double turn_ratio = 1;  ///< How far pictures turn, to how far the gyroscope does.
 };
 
 /// Localizes some 100 pictures from where accelerations change most, without the IMU.
@@ -47,7 +48,8 @@ struct ImuAlike {
 [[nodiscard]] ImuAlike compare_imu(const Sequence& sequence);
 
 /// What a user should know of it.
-/// @throws Error{kBadInput} if one of them is opposite: a path by it would look like one.
+/// @throws Error{kBadInput} if one of them is opposite, or turns in degrees: a path by it would
+/// look like one.
 [[nodiscard]] std::vector<std::string> warnings_of(const ImuAlike& alike, const Sequence& sequence);
 
 }  // namespace pirt::slam

@@ -39,9 +39,7 @@ double rms_without_alignment(const std::vector<StampedPose>& poses,
 
 void add_errors(const Sequence& sequence, const std::vector<StampedPose>& poses,
                 RunSummary& summary) {
-  const auto with_truth = std::ranges::count_if(
-      poses, [&](const StampedPose& p) { return truth_at(sequence.truth, p.time).has_value(); });
-  if (with_truth < 3) return;
+  if (!can_align(poses, sequence.truth)) return;
   summary.error =
       evaluate(poses, sequence.truth, summary.scale_known ? Alignment::kSe3 : Alignment::kSim3);
   auto still = poses;
@@ -87,7 +85,11 @@ StageSummary summary_of(std::string name, std::vector<double> ms) {
 RunSummary summarize(const Sequence& sequence, const RunResult& result, const Setup& setup) {
   RunSummary summary;
   summary.frames = result.frames.size();
-  summary.scale_known = setup.imu.has_value() || setup.cameras.size() > 1;
+  // Two cameras whose pictures are taken for each other's see no depth.
+  summary.scale_known =
+      setup.imu || std::ranges::any_of(result.frames, [](const FrameResult& frame) {
+        return frame.report.stereo >= static_cast<int>(kLeastStereo);
+      });
   std::vector<std::vector<double>> ms(kStages.size());
   std::vector<double> whole;
   for (const auto& frame : result.frames) {

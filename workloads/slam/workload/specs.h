@@ -12,7 +12,7 @@ namespace pirt::slam {
 
 inline constexpr std::int64_t kMostSamples = 1024;  ///< Of an IMU, in one call.
 inline constexpr std::int64_t kMostFeatures = 400;
-inline constexpr int kReportSize = 6;  ///< The numbers of a FrameReport, in their order.
+inline constexpr int kReportSize = 7;  ///< The numbers of a FrameReport, in their order.
 
 /// Tracks that a state may have: landmarks that are known again are followed beyond the others'
 /// number.

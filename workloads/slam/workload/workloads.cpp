@@ -89,8 +89,8 @@ void run_update(State& state, const Setup& setup, std::span<const Tensor> inputs
   }
   write_pose(state.body(), outputs[0]);
   Eigen::Map<Eigen::Matrix3d>(outputs[1].as<double>().data()) = position_covariance(state);
-  const std::array figures = {report.tracks, report.landmarks, report.recognized,
-                              report.points, report.rejected,  report.from_map};
+  const std::array figures = {report.tracks,   report.landmarks, report.recognized, report.points,
+                              report.rejected, report.from_map,  report.stereo};
   std::ranges::copy(figures, outputs[2].as<std::int32_t>().begin());
 }
 

@@ -31,7 +31,7 @@ struct FilterStep : Operation {
 /// - "update_pose": one frame. Inputs tracks f32 [<=n,2] and found u8 [<=n] for the state's tracks
 ///   in their order (no row: none was found), right_tracks and right_found likewise (no row: no
 ///   second picture), and extract_features' three lists. Outputs pose f32 [12], covariance of the
-///   position f32 [3,3] (m^2), report i32 [5].
+///   position f32 [3,3] (m^2), report i32 [7].
 /// - "extend_map": one frame. Inputs extract_features' lists and those of better_specs(). Outputs
 ///   landmarks f32 [<=100,3] (m), counts i32 [5] (tracks, map points; of better points replaced,
 ///   added, refused), and what the frame leaves: body f64 [12] as pose,
