@@ -5,25 +5,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <map>
-#include <optional>
 #include <span>
 #include <string_view>
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/system/program_path.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/printable.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
-
-bool can_run(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return std::filesystem::is_regular_file(path, ignored) && ::access(path.c_str(), X_OK) == 0;
-}
 
 ProcessRequest request_of(const std::vector<std::string>& words, const DuetCommands& commands) {
   ProcessRequest request;
@@ -32,20 +26,6 @@ ProcessRequest request_of(const std::vector<std::string>& words, const DuetComma
   request.limit = commands.limit;
   request.stop = commands.stop;
   return request;
-}
-
-/// As a shell finds it.
-std::optional<std::filesystem::path> try_find_program(const std::string& word) {
-  if (word.find('/') != std::string::npos) {
-    return can_run(word) ? std::optional(std::filesystem::absolute(word)) : std::nullopt;
-  }
-  const char* const folders = std::getenv("PATH");
-  if (folders == nullptr) return std::nullopt;
-  for (const std::string& folder : split(folders, ':')) {
-    const auto path = std::filesystem::path(folder.empty() ? "." : folder) / word;
-    if (can_run(path)) return std::filesystem::absolute(path);
-  }
-  return std::nullopt;
 }
 
 /// Contents of the files that the words behind the program name, by themselves ("x.yaml"), behind
@@ -100,10 +80,12 @@ std::filesystem::path find_program(const std::string& word) {
 
 void run_setup(const DuetCommands& commands) {
   if (commands.setup.empty()) return;
-  const ProcessResult process = run_process(request_of(commands.setup, commands));
+  ProcessRequest request = request_of(commands.setup, commands);
+  request.limit = std::chrono::hours(24);  // It may build them; the limit is of what is measured.
+  const ProcessResult process = run_process(request);
   if (process.end == ProcessResult::End::kExited && process.code == 0) return;
   throw_environment(fmt::format("the setup command '{}' {}: {}", join(commands.setup, " "),
-                                how_it_ended(process, commands.limit),
+                                how_it_ended(process, request.limit),
                                 one_line(process.diagnostics, kLastWords)));
 }
 

@@ -24,7 +24,7 @@ struct DuetCommands {
 /// @throws Error{kBadInput} if there is none that can be run.
 [[nodiscard]] std::filesystem::path find_program(const std::string& word);
 
-/// Runs the setup command. @throws Error{kEnvironment} if it fails.
+/// Runs the setup command, whatever it takes. @throws Error{kEnvironment} if it fails.
 void run_setup(const DuetCommands& commands);
 
 /// One process for each sample; its working folder, environment and cores are ours. What is decided

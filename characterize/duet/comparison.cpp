@@ -69,6 +69,14 @@ std::string measure_text(const Sample& sample, const std::string& figure) {
   return measure.unit + (measure.higher_is_better ? ", higher is better" : ", lower is better");
 }
 
+/// The first figure that both have, in another unit or direction; empty if there is none.
+std::string differing_figure(const Sample& a, const Sample& b) {
+  for (const auto& [name, unused] : a.seconds) {
+    if (b.seconds.contains(name) && measure_text(a, name) != measure_text(b, name)) return name;
+  }
+  return "";
+}
+
 bool is_part_of_call(const std::string& phase) {
   return phase == "upload" || phase == "launch" || phase == "download";
 }
@@ -231,23 +239,19 @@ void DuetComparison::check(DuetCellState& state, const Event& event) {
   };
   compare("device", state.checks[0]->device, state.checks[1]->device);
   compare("input data", state.checks[0]->inputs, state.checks[1]->inputs);
-  for (const auto& [name, unused] : state.checks[0]->seconds) {
-    if (!state.checks[1]->seconds.contains(name)) continue;
-    compare("figure " + name, measure_text(*state.checks[0], name),
-            measure_text(*state.checks[1], name));
-  }
+  const std::string figure = differing_figure(*state.checks[0], *state.checks[1]);
+  compare("figure " + figure, measure_text(*state.checks[0], figure),
+          measure_text(*state.checks[1], figure));
 }
 
 std::string DuetComparison::unlike_first(const DuetStep& step, Side side,
                                          const Sample& sample) const {
   const auto& first = cells_[step.cell].checks[index_of(side)];
   if (!first) return "";
-  for (const auto& [name, unused] : sample.seconds) {
-    if (!first->seconds.contains(name)) continue;
-    const std::string before = measure_text(*first, name), now = measure_text(sample, name);
-    if (before != now) return fmt::format("figure {}: {}, and {} before", name, now, before);
-  }
-  return "";
+  const std::string name = differing_figure(sample, *first);
+  if (name.empty()) return "";
+  return fmt::format("figure {}: {}, and {} before", name, measure_text(sample, name),
+                     measure_text(*first, name));
 }
 
 void DuetComparison::block(DuetCellState& state, const Event& event) {

@@ -2,13 +2,16 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <sys/stat.h>
 
 #include <algorithm>
+#include <ctime>
 #include <exception>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <thread>
+#include <tuple>
 
 #include "characterize/duet/readers.h"
 #include "characterize/machine/environment.h"
@@ -226,7 +229,9 @@ TakeSample program_samples(const DuetPrograms& programs) {
   };
 }
 
-std::string content_key(const std::filesystem::path& file) {
+namespace {
+
+std::string hash_or_stamp(const std::filesystem::path& file) {
   constexpr std::uintmax_t kMostRead = std::uintmax_t{256} << 20;
   const auto bytes = std::filesystem::file_size(file);
   if (bytes > kMostRead) {  // A recording that a command names, say.
@@ -234,6 +239,31 @@ std::string content_key(const std::filesystem::path& file) {
                        std::filesystem::last_write_time(file).time_since_epoch().count());
   }
   return fmt::format("{:016x}", Hash64().add(read_file(file, kAnySize)).value());
+}
+
+}  // namespace
+
+std::string content_key(const std::filesystem::path& file) {
+  struct stat now {};
+  if (::stat(file.c_str(), &now) != 0) return hash_or_stamp(file);  // which says why
+  // The ledger and the first processes ask for the same programs and libraries. Whatever writes to
+  // a file changes its ctime.
+  const std::tuple stamp(now.st_dev, now.st_ino, now.st_size, now.st_ctim.tv_sec,
+                         now.st_ctim.tv_nsec);
+  static std::mutex mutex;
+  static std::map<std::decay_t<decltype(stamp)>, std::string> known;
+  {
+    const std::lock_guard lock(mutex);
+    const auto found = known.find(stamp);
+    if (found != known.end()) return found->second;
+  }
+  const std::string key = hash_or_stamp(file);
+  // Within a tick of the file system's clock it may be written again and look the same.
+  if (std::time(nullptr) - now.st_ctim.tv_sec > 1) {
+    const std::lock_guard lock(mutex);
+    known.emplace(stamp, key);
+  }
+  return key;
 }
 
 std::string machine_key() {

@@ -53,7 +53,8 @@ struct DuetPrograms {
 /// is gone with the function.
 [[nodiscard]] TakeSample program_samples(const DuetPrograms& programs);
 
-/// Hash of a file, for a ledger; of one above 256 MB its size and when it was written.
+/// Hash of a file, for a ledger; of one above 256 MB its size and when it was written. A file that
+/// was not touched since is read once.
 /// @throws Error{kBadInput} if it cannot be read.
 [[nodiscard]] std::string content_key(const std::filesystem::path& file);
 /// A program and the libraries that were built with it, in its folder, or that of the program that

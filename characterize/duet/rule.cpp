@@ -96,7 +96,8 @@ void DuetRule::clear(const std::vector<double>& blocks, std::size_t last) {
   const bool futile = blocks.size() >= t.first_futility && median_of(blocks) < t.futile_median;
   if (cleared || futile) return conclude(DuetVerdict::kNotSlower);
   if (blocks.size() < last) return;
-  conclude(!upper || *upper > t.open_bound ? DuetVerdict::kInconclusive : DuetVerdict::kNotSlower);
+  const bool open = !upper || *upper > t.open_bound || median_of(blocks) > t.suspicious_median;
+  conclude(open ? DuetVerdict::kInconclusive : DuetVerdict::kNotSlower);
 }
 
 void DuetRule::conclude(DuetVerdict verdict) {

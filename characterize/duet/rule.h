@@ -37,8 +37,9 @@ struct DuetThresholds {
   double suspicious_median = 0.04;  ///< and the median above this.
   double futile_median = 0.02;      ///< Below it there is nothing to find.
   double bound_confidence = 0.995;
-  double alpha = 0.05;       ///< Of all series of the table together, for a confirmation.
-  double open_bound = 0.10;  ///< At the end an upper bound above it leaves the question open.
+  double alpha = 0.05;  ///< Of all series of the table together, for a confirmation.
+  /// At the end an upper bound above it leaves the question open, as does a suspicious median.
+  double open_bound = 0.10;
   /// Of the baseline against itself: refused if the median is farther from 0 than this, and a
   /// two-sided sign test says that it is not their spread alone, for which eight are enough. To be
   /// cleared needs none, since either order comes as often.

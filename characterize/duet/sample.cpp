@@ -12,7 +12,6 @@
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
-#include "workloads/base/text/json.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/model/player.h"

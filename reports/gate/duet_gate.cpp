@@ -9,14 +9,13 @@
 
 #include "characterize/statistics/rank_tests.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
 
 /// From here on two units are apart, and a candidate may be faster.
 constexpr double kApart = 0.05;
-
-double percent(double log_ratio) { return 100 * std::expm1(log_ratio); }
 
 /// How likely so many blocks are to be faster by chance; 1 if they are not by enough.
 double faster_p(const DuetRule& rule) {
@@ -70,7 +69,7 @@ GateRow series_row(const DuetCellState& state, const std::string& phase, const D
       row.reason = fmt::format(
           "the baseline differs from itself by {:+.1f} %: the machine is too unquiet; see pirt "
           "doctor",
-          percent(median_of(rule.canaries())));
+          percent_of(median_of(rule.canaries())));
       break;
   }
   return row;
@@ -79,11 +78,12 @@ GateRow series_row(const DuetCellState& state, const std::string& phase, const D
 /// Figures of the first processes that no series is made of.
 void add_not_judged(const DuetCellState& state, std::vector<GateRow>& rows) {
   if (!state.checks[0] || !state.checks[1]) return;
-  const auto add = [&](const std::string& name, std::string reason) {
+  const auto add = [&](const std::string& name, std::string reason,
+                       GateVerdict verdict = GateVerdict::kNotJudged) {
     rows.push_back({.workload = state.cell.workload,
                     .unit = state.cell.unit,
                     .phase = name,
-                    .verdict = GateVerdict::kNotJudged,
+                    .verdict = verdict,
                     .reason = std::move(reason)});
   };
   for (const std::string& name : state.passing) {
@@ -96,6 +96,13 @@ void add_not_judged(const DuetCellState& state, std::vector<GateRow>& rows) {
       const bool both = other.contains(name);
       if (both && (side == Side::kCandidate || (value > 0 && other.at(name) > 0))) continue;
       if (state.passing.contains(name)) continue;
+      const auto measure = state.checks[0]->measures.find(name);
+      const bool fell = both && value > 0 && measure != state.checks[0]->measures.end() &&
+                        measure->second.higher_is_better;
+      if (fell) {  // from the baseline's, and more was better
+        add(name, "it fell to 0", GateVerdict::kInconclusive);
+        continue;
+      }
       add(name, both ? "it is not above 0 on both sides, so that there is no ratio"
                      : fmt::format("only the {} has it", to_string(side)));
     }
@@ -129,12 +136,13 @@ std::optional<GateRow> cell_row(const DuetCellState& state, DuetEnd end) {
 }
 
 /// Takes back what is not sure enough among so many rows.
+/// @param rows  Those of series and cells alone: only they are decided together.
 void correct(std::vector<GateRow>& rows, double alpha) {
   for (const GateVerdict claim : {GateVerdict::kSlower, GateVerdict::kFaster}) {
     std::vector<double> p_values;
     std::vector<GateRow*> judged;
     for (GateRow& row : rows) {
-      if (row.phase == "all" || row.verdict == GateVerdict::kNotJudged) continue;
+      if (row.phase == "all") continue;
       p_values.push_back(row.verdict == claim ? row.p.value_or(1) : 1);
       judged.push_back(&row);
     }
@@ -160,9 +168,9 @@ GateResult judge_duet(const DuetComparison& comparison, DuetEnd end, double alph
     for (const auto& [phase, series] : state.series) {
       result.rows.push_back(series_row(state, phase, series, end));
     }
-    add_not_judged(state, result.rows);
   }
   correct(result.rows, alpha);
+  for (const DuetCellState& state : comparison.cells()) add_not_judged(state, result.rows);
   return result;
 }
 
@@ -184,6 +192,20 @@ std::vector<Flip> find_flips(const GateResult& result) {
 }
 
 void describe_rule(GateReport& report) {
+  constexpr std::size_t kMostNamed = 10;
+  std::vector<std::string> not_judged;
+  for (const GateRow& row : report.result.rows) {
+    if (row.verdict != GateVerdict::kNotJudged) continue;
+    const std::string cell =
+        row.workload == kCommandCell ? "" : to_string(DuetCell{row.workload, row.unit}) + ", ";
+    not_judged.push_back(fmt::format("{}{} ({})", cell, row.phase, row.reason));
+  }
+  if (not_judged.size() > kMostNamed) {
+    const std::size_t more = not_judged.size() - kMostNamed;
+    not_judged.resize(kMostNamed);
+    not_judged.push_back(fmt::format("and {} more", more));
+  }
+  if (!not_judged.empty()) report.notes.push_back("Not judged: " + join(not_judged, "; ") + ".");
   const DuetThresholds t;
   const DuetThresholds setup = setup_thresholds();
   report.rule = {

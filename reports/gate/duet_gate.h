@@ -20,7 +20,7 @@ namespace pirt {
 /// and after ("clear"), or less.
 [[nodiscard]] std::vector<Flip> find_flips(const GateResult& result);
 
-/// The rule of two programs, for calls and for set-up.
+/// The rule of two programs, for calls and for set-up, and what of report.result is not judged.
 void describe_rule(GateReport& report);
 
 }  // namespace pirt

@@ -176,8 +176,6 @@ Part modes_part(const Decisions& decisions) {
   return Paragraph{reasons};
 }
 
-Json optional_json(std::optional<double> value) { return value ? Json(*value) : Json(); }
-
 Json row_json(const GateRow& row) {
   Json json = {{"workload", row.workload},
                {"unit", row.unit},
@@ -186,19 +184,27 @@ Json row_json(const GateRow& row) {
   const std::string suffix = row.measure == "ns" ? "_ns" : row.measure == "J" ? "_j" : "";
   if (suffix.empty()) json["measure"] = row.measure;
   if (row.against_anchor) json["against"] = "anchor";
-  const auto add = [&](const std::string& key, std::optional<double> value) {
-    if (value) json[key] = *value;
-  };
-  add("base" + suffix, row.base);
-  add("candidate" + suffix, row.candidate);
-  add("ratio", row.ratio);
-  add("p_adjusted", row.p);
-  add("change", row.change);
-  add("change_at_least", row.at_least);
-  add("change_at_most", row.at_most);
-  add("needed", row.needed);
+  json.put("base" + suffix, row.base);
+  json.put("candidate" + suffix, row.candidate);
+  json.put("ratio", row.ratio);
+  json.put("p_adjusted", row.p);
+  json.put("change", row.change);
+  json.put("change_at_least", row.at_least);
+  json.put("change_at_most", row.at_most);
+  json.put("needed", row.needed);
   if (!row.reason.empty()) json["reason"] = row.reason;
   return json;
+}
+
+/// @param older  What the candidate was compared with.
+Json identity_json(const std::vector<FactDifference>& differences, const char* older) {
+  Json identity = Json::array();
+  for (const auto& each : differences) {
+    identity.push_back({{"fact", each.fact},
+                        {older, each.a ? Json(*each.a) : Json()},
+                        {"candidate", each.b ? Json(*each.b) : Json()}});
+  }
+  return identity;
 }
 
 Json decisions_json(const Decisions& decisions) {
@@ -218,11 +224,11 @@ Json decisions_json(const Decisions& decisions) {
       continue;
     }
     const auto side = [](const RunRecord& run) {
-      return Json{{"mean_latency_ms", optional_json(run.mean_latency_ms)},
-                  {"p99_latency_ms", optional_json(run.p99_latency_ms)},
-                  {"energy_j", optional_json(run.energy_j)},
-                  {"deadline_misses", misses_of(run)},
-                  {"dropped", run.dropped}};
+      Json json = {{"deadline_misses", misses_of(run)}, {"dropped", run.dropped}};
+      json.put("mean_latency_ms", run.mean_latency_ms);
+      json.put("p99_latency_ms", run.p99_latency_ms);
+      json.put("energy_j", run.energy_j);
+      return json;
     };
     mode = {{"base", side(*cost.base)}, {"candidate", side(*cost.candidate)}};
   }
@@ -251,7 +257,7 @@ void describe_rule(const GateThresholds& thresholds, GateReport& report) {
   const GateThresholds& t = thresholds;
   report.rule = {
       fmt::format("base, candidate: medians, of a tail the share of calls over {:g} times the "
-                  "base's median.",
+                  "base's median as the machine moved it.",
                   t.tail_multiple),
       fmt::format(
           "slower: the median rose by needed % or more ({:g} %; set-up {:g} % and {:g} ms) "
@@ -312,12 +318,6 @@ Document gate_document(const GateReport& report, bool all) {
 }
 
 Json gate_json(const GateReport& report) {
-  Json identity = Json::array();
-  for (const auto& each : report.result.identity) {
-    identity.push_back({{"fact", each.fact},
-                        {"base", each.a ? Json(*each.a) : Json()},
-                        {"candidate", each.b ? Json(*each.b) : Json()}});
-  }
   Json machine = Json::array();
   for (const MachineShift& each : report.result.machine) {
     machine.push_back({{"unit", each.unit}, {"peak", to_string(each.kind)}, {"ratio", each.ratio}});
@@ -329,10 +329,13 @@ Json gate_json(const GateReport& report) {
                {"candidate", report.candidate},
                {"exit_code", exit_code_of(report.result, report.strict)},
                {"rule", report.rule_json},
-               {"identity_differences", identity},
+               {"identity_differences", identity_json(report.result.identity, "base")},
                {"machine", machine},
                {"rows", rows}};
-  if (!report.anchor.empty()) json["anchor"] = report.anchor;
+  if (!report.anchor.empty()) {
+    json["anchor"] = report.anchor;
+    json["anchor_identity_differences"] = identity_json(report.result.anchor_identity, "anchor");
+  }
   if (report.decisions) json["decisions"] = decisions_json(*report.decisions);
   return json;
 }

@@ -4,8 +4,9 @@
 #include <string>
 
 #include "characterize/profile/identity.h"
-#include "characterize/profile/store/reader.h"
+#include "characterize/profile/own_rows.h"
 #include "characterize/statistics/statistics.h"
+#include "workloads/own/definition.h"
 
 namespace pirt {
 namespace {
@@ -15,6 +16,10 @@ constexpr std::int32_t kProcessesARun = 10'000;
 
 /// Runs differ by more than their processes do, so that the interval is what all of them span.
 void add(const PhaseRow& other, std::int32_t offset, PhaseRow& row) {
+  const auto contended = std::ranges::find(other.notes, "contended");
+  if (contended != other.notes.end() && std::ranges::count(row.notes, *contended) == 0) {
+    row.notes.push_back(*contended);  // which a tail asks for
+  }
   row.values.insert(row.values.end(), other.values.begin(), other.values.end());
   for (const auto process : other.value_processes) row.value_processes.push_back(offset + process);
   row.samples = std::ssize(row.values);
@@ -23,6 +28,15 @@ void add(const PhaseRow& other, std::int32_t offset, PhaseRow& row) {
   if (!row.ci_low || !other.ci_low) return;
   row.ci_low = std::min(*row.ci_low, *other.ci_low);
   row.ci_high = std::max(*row.ci_high, *other.ci_high);
+}
+
+/// Whether both runs measured the same of somebody else's @p workload.
+bool is_same_definition(const RunInfo& a, const RunInfo& b, const std::string& workload) {
+  const auto definition = [&](const RunInfo& run) {
+    const auto fact = run.environment.find(std::string(kOwnFact) + own::plain_name(workload));
+    return fact == run.environment.end() ? std::string() : fact->second;
+  };
+  return definition(a) == definition(b);
 }
 
 }  // namespace
@@ -42,7 +56,8 @@ Pooled pool_samples(const ProfileReader& reader, Profile& profile) {
       if (!compare_identity(own, other.runs.front(), row.unit).empty()) continue;
       const PhaseRow* same = other.find(row.workload, row.unit, row.phase, row.state);
       if (same == nullptr || !is_valid(*same) || !compare_work(row, *same).empty()) continue;
-      if (!compare_program(own, other.runs.front()).empty()) {
+      if (!compare_program(own, other.runs.front()).empty() ||
+          !is_same_definition(own, other.runs.front(), row.workload)) {
         others = true;
         continue;
       }

@@ -9,7 +9,8 @@ namespace pirt {
 
 struct Pooled {
   int runs = 1;      ///< That samples come from.
-  int left_out = 0;  ///< That could be compared, and are another program's or platform text's.
+  int left_out = 0;  ///< That could be compared, and are another program's, platform text's or
+                     ///< workload file's.
 };
 
 /// Reads the samples of all rows, adds those of the same rows in other runs of the file that are of

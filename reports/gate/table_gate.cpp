@@ -17,8 +17,6 @@
 namespace pirt {
 namespace {
 
-double percent_of(double log_ratio) { return 100 * std::expm1(log_ratio); }
-
 /// In what the runs of two rows of a unit differ; empty if the rows may be compared.
 template <typename Row>
 std::string identity_complaint(const ProfileDiff& diff, const Row& base, const Row& candidate) {
@@ -227,11 +225,11 @@ class Movements {
     }
   }
 
-  [[nodiscard]] Allowance allowance_for(const PhaseRow& row) const {
-    Allowance allowed = peaks_of(row.unit);
-    const auto scatter = scatter_.find(family_of(row));
+  [[nodiscard]] Allowance allowance_for(const Family& family) const {
+    Allowance allowed = peaks_of(family.first);
+    const auto scatter = scatter_.find(family);
     if (scatter != scatter_.end()) allowed.scatter = scatter->second;
-    const auto together = together_.find(family_of(row));
+    const auto together = together_.find(family);
     if (together != together_.end()) allowed.add(together->second);
     return allowed;
   }
@@ -361,7 +359,8 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const Movements&
     return row;
   }
   row.needed = change_needed(diff, base, thresholds);
-  weigh(*of_base, *of_candidate, movements.allowance_for(base), doubt_of(diff, pair), row);
+  weigh(*of_base, *of_candidate, movements.allowance_for(family_of(base)), doubt_of(diff, pair),
+        row);
   if (row.verdict != GateVerdict::kSlower &&
       candidate.failed_processes() > base.failed_processes()) {
     row.verdict = GateVerdict::kUndecided;
@@ -371,7 +370,8 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const Movements&
 }
 
 /// Only what a meter read is judged: modelled joules follow from times that are judged themselves.
-GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair,
+/// What the machine moved the unit's calls by it may have moved their energy by.
+GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair, const Movements& movements,
                        const GateThresholds& thresholds) {
   GateRow row{.workload = pair.a->workload,
               .unit = pair.a->unit,
@@ -412,10 +412,30 @@ GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair,
     return row;
   }
   row.needed = thresholds.effect;
-  std::string doubt = barred_by(pair.a->doubts);
-  if (doubt.empty()) doubt = barred_by(pair.b->doubts);
-  weigh(*base, *candidate, {}, doubt.empty() ? "" : "an energy row is " + doubt, row);
+  std::string doubt;
+  for (const EnergyRow* each : {pair.a, pair.b}) {
+    if (doubt.empty()) doubt = barred_by(each->doubts);
+    const bool beside = each->source.find("; contended") != std::string::npos;
+    if (doubt.empty() && beside) doubt = "contended";
+  }
+  weigh(*base, *candidate, movements.allowance_for({pair.a->unit, false}),
+        doubt.empty() ? "" : "an energy row is " + doubt, row);
   return row;
+}
+
+/// A cell that only the candidate has: it has nothing to be compared with, and may fail.
+void judge_new(const Profile& candidate, GateRow& row) {
+  std::string failure;
+  int failed = 0;
+  for (const PhaseRow& each : candidate.phases) {
+    if (each.workload != row.workload || each.unit != row.unit) continue;
+    if (failure.empty()) failure = failure_of(each);
+    failed = std::max(failed, each.failed_processes());
+  }
+  row.verdict = failure.empty()                            ? GateVerdict::kNotJudged
+                : failure == "wrong_output" || failed >= 2 ? GateVerdict::kFailed
+                                                           : GateVerdict::kInconclusive;
+  row.reason = (failure.empty() ? "" : failure + "; ") + "only the candidate has it";
 }
 
 /// Cells of one profile that the other lacks, and phases of cells that both have.
@@ -437,8 +457,7 @@ void add_missing(const ProfileDiff& diff, std::vector<GateRow>& rows) {
                       .phase = has_cell ? row.phase_name() : "all",
                       .setup = has_cell && is_setup(row.phase)};
       if (!of_base) {
-        missing.verdict = GateVerdict::kNotJudged;
-        missing.reason = "only the candidate has it";
+        judge_new(*profile, missing);
       } else if (has_cell) {
         missing.verdict = GateVerdict::kUndecided;
         missing.reason = "the candidate has no such phase";
@@ -475,6 +494,8 @@ std::string_view to_string(GateVerdict verdict) {
   return "";
 }
 
+double percent_of(double log_ratio) { return 100 * std::expm1(log_ratio); }
+
 std::int64_t GateResult::count(GateVerdict verdict) const {
   return std::ranges::count(rows, verdict, &GateRow::verdict);
 }
@@ -488,19 +509,30 @@ GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds) {
     result.rows.push_back(compare(diff, pair, movements, thresholds));
     const bool comparable = result.rows.back().ratio.has_value();
     if (pair.a->phase == Phase::kCall && comparable && !repeats(pair)) {
-      result.rows.push_back(compare_tails(pair, doubt_of(diff, pair), thresholds));
+      const Allowance allowed = movements.allowance_for(family_of(*pair.a));
+      const double moved =
+          std::max(allowed.slower,
+                   std::min(allowed.scatter, std::max(0.0, std::log(*result.rows.back().ratio))));
+      result.rows.push_back(compare_tails(pair, doubt_of(diff, pair), std::exp(moved), thresholds));
     }
   }
   result.rows.insert(result.rows.end(), movements.rows().begin(), movements.rows().end());
   for (const auto& pair : diff.energies) {
-    result.rows.push_back(compare_energy(diff, pair, thresholds));
+    result.rows.push_back(compare_energy(diff, pair, movements, thresholds));
   }
   add_missing(diff, result.rows);
   return result;
 }
 
 void add_anchor(GateResult against, GateResult& result) {
+  result.anchor_identity = std::move(against.identity);
+  std::set<std::pair<std::string, std::string>> cells;
+  for (const GateRow& row : result.rows) cells.emplace(row.workload, row.unit);
   for (GateRow& row : against.rows) {
+    // What neither base nor candidate has was taken away, and somebody accepted it.
+    const bool gone = row.verdict == GateVerdict::kNotComparable && row.workload != "all" &&
+                      !cells.contains({row.workload, row.unit});
+    if (gone) continue;
     row.against_anchor = true;
     result.rows.push_back(std::move(row));
   }

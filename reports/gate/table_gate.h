@@ -17,7 +17,7 @@
 // what moved less than eight standard deviations of that is undecided.
 //
 // A median is blind to a few calls that take long: cells of enough samples have a row `call tail`
-// as well, the share of calls above a multiple of the base's median.
+// as well, the share of calls above a multiple of the base's median as the machine moved it.
 //
 // A row that repeats exactly on both sides (counts of an emulator) is slower or faster if it is not
 // the same to the nanosecond. What failed in the candidate fails: a wrong output, an error in two
@@ -50,6 +50,8 @@ enum class GateVerdict : std::uint8_t {
   kNotJudged,  ///< It has nothing to judge by; without influence.
 };
 [[nodiscard]] std::string_view to_string(GateVerdict verdict);
+/// A logarithm of candidate over base, in percent.
+[[nodiscard]] double percent_of(double log_ratio);
 
 struct GateThresholds {
   double effect = 0.10;  ///< Rise of a median that counts as slower.
@@ -92,6 +94,7 @@ struct MachineShift {
 
 struct GateResult {
   std::vector<FactDifference> identity;
+  std::vector<FactDifference> anchor_identity = {};  ///< Of anchor and candidate.
   std::vector<MachineShift> machine;
   std::vector<GateRow> rows;
   [[nodiscard]] std::int64_t count(GateVerdict verdict) const;
@@ -101,7 +104,8 @@ struct GateResult {
 ///              cell has a tail.
 [[nodiscard]] GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds = {});
 
-/// The rows of @p against, which was judged against an older base, behind those of @p result.
+/// The rows of @p against, which was judged against an older base, behind those of @p result;
+/// without the cells that neither the base nor the candidate of @p result has.
 void add_anchor(GateResult against, GateResult& result);
 
 }  // namespace pirt

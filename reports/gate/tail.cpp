@@ -39,7 +39,7 @@ bool has_contended_note(const PhaseRow& row) {
 
 }  // namespace
 
-GateRow compare_tails(const PhasePair& pair, const std::string& doubt,
+GateRow compare_tails(const PhasePair& pair, const std::string& doubt, double machine,
                       const GateThresholds& thresholds) {
   const PhaseRow& base = *pair.a;
   const PhaseRow& candidate = *pair.b;
@@ -52,9 +52,11 @@ GateRow compare_tails(const PhasePair& pair, const std::string& doubt,
     row.reason = "samples are means over batches of such short calls";
     return row;
   }
+  const double multiple = thresholds.tail_multiple * machine;
   const Nanos limit = scaled(*base.median, thresholds.tail_multiple);
-  const Tail a = tail_of(base, limit);
-  const Tail b = tail_of(candidate, limit);
+  const Tail a = tail_of(base, limit);  // which the machine made none longer of
+  const Tail b = tail_of(candidate, scaled(*base.median, multiple));
+  const Tail most = tail_of(candidate, limit);
   if (std::min(a.samples, b.samples) < thresholds.tail_samples) {
     row.reason = fmt::format("{} samples, {} are needed", std::min(a.samples, b.samples),
                              thresholds.tail_samples);
@@ -67,18 +69,23 @@ GateRow compare_tails(const PhasePair& pair, const std::string& doubt,
   row.p = fisher_p(a.above, a.samples, b.above, b.samples);
   const bool more = *row.change >= *row.needed && *row.p < thresholds.tail_p;
   const std::string what =
-      fmt::format("{} of {} calls took over {:g} times the base's median, {} of {} in the base",
-                  b.above, b.samples, thresholds.tail_multiple, a.above, a.samples);
+      fmt::format("{} of {} calls took over {:.3g} times the base's median, {} of {} in the base{}",
+                  b.above, b.samples, multiple, a.above, a.samples,
+                  machine > 1 ? fmt::format(" over {:g} times", thresholds.tail_multiple) : "");
+  const auto may_be_more = [&](const Tail& tail) {
+    return rate_upper_bound(tail.above, tail.samples) - a.share() >= *row.needed;
+  };
   const bool beside_others = has_contended_note(base) || has_contended_note(candidate);
-  const std::string open =
-      !doubt.empty() ? doubt
-      : std::min(a.processes, b.processes) < kFewestProcesses
-          ? fmt::format("too few processes; {} are needed", kFewestProcesses)
-      : more && beside_others                 ? "beside other programs"
-      : more && 2 * b.with_some < b.processes ? "in few processes"
-      : !more && rate_upper_bound(b.above, b.samples) - a.share() >= *row.needed
-          ? "more samples tell"
-          : "";
+  const std::string open = !doubt.empty() ? doubt
+                           : std::min(a.processes, b.processes) < kFewestProcesses
+                               ? fmt::format("too few processes; {} are needed", kFewestProcesses)
+                           : more && beside_others                 ? "beside other programs"
+                           : more && 2 * b.with_some < b.processes ? "in few processes"
+                           : !more && may_be_more(b)               ? "more samples tell"
+                           : !more && may_be_more(most)
+                               ? fmt::format("{} over {:g} times, which may be the machine's",
+                                             most.above, thresholds.tail_multiple)
+                               : "";
   row.verdict = !open.empty() ? GateVerdict::kUndecided
                 : more        ? GateVerdict::kSlower
                               : GateVerdict::kSame;

@@ -60,6 +60,7 @@ void add_rows(const Profile& profile, std::size_t run, const NameFilter& filter,
       continue;
     }
     HistoryPoint point{run, *row.energy_j, row.ci_low_j, row.ci_high_j, is_doubted(row)};
+    point.covers = row.domain + (row.idle_subtracted ? "" : " with idle");
     if (const PhaseRow* call = profile.find(row.workload, row.unit, Phase::kCall)) {
       point.ops = call->ops;
       point.bytes = call->bytes;
@@ -75,8 +76,10 @@ std::string break_between(const History& history, const HistorySeries& series, s
   const HistoryPoint& b = series.points[after];
   const std::string why =
       describe(compare_identity(history.runs[a.run].info, history.runs[b.run].info, series.unit));
+  if (!why.empty()) return why;
+  if (a.covers != b.covers) return fmt::format("the meters cover {} and {}", a.covers, b.covers);
   const std::string work = compare_work(a, b);
-  return !why.empty() || work.empty() ? why : series.workload + ": " + work;
+  return work.empty() ? "" : series.workload + ": " + work;
 }
 
 /// What besides the program may be why a row changed.
@@ -159,9 +162,8 @@ History read_history(const std::vector<std::filesystem::path>& files, const std:
   for (const auto& file : files) {
     const ProfileReader reader(file);
     if (history.platform.empty()) history.platform = reader.read().platform();
-    auto unfinished = find_unfinished_run(file);
-    if (unfinished && unfinished->run.platform == history.platform) {
-      history.left_out.push_back({file.string(), std::move(unfinished->run)});
+    for (RunInfo& run : reader.unfinished_runs(history.platform)) {
+      history.left_out.push_back({file.string(), std::move(run)});
     }
     decltype(known) here;
     // The oldest first: a start is said in seconds, so the order in the file tells more.

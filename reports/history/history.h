@@ -2,8 +2,8 @@
 //
 // A series is one row (platform, workload, unit, phase) over the runs. Those that may be compared,
 // as the gate has it (reports/gate), are looked at together, whatever runs stand between them;
-// where another machine, driver or size begins is a break, which is nobody's change. Where the
-// platform's text was edited, a change says so.
+// where another machine, driver, size or meter begins is a break, which is nobody's change. Where
+// the platform's text was edited, a change says so.
 #pragma once
 
 #include <cstddef>
@@ -35,6 +35,7 @@ struct HistoryPoint {
   std::optional<std::int64_t> ops = std::nullopt;
   std::int64_t bytes = 0;
   Origin provenance = {};
+  std::string covers = {};  ///< Of energy what the meter covers: "package", "board with idle".
 };
 
 struct HistoryChange {
@@ -44,7 +45,7 @@ struct HistoryChange {
     kStep,       ///< For sure.
     kSuspected,  ///< Since the newest few points, not for sure.
     kCreep,      ///< From the first quarter to the last, without a step that explains it.
-    kBreak,      ///< Another machine, driver or size begins; no change of the program.
+    kBreak,      ///< Another machine, driver, size or meter begins; no change of the program.
   } kind = Kind::kStep;
   std::string why = {};  ///< Of a break; of others what may be behind it besides the program.
 };
@@ -54,14 +55,15 @@ struct HistorySeries {
   std::string workload, unit, phase;  ///< phase: "execute", "prepare cold", "energy".
   std::vector<HistoryPoint> points;   ///< In order of time.
   std::vector<HistoryChange> changes = {};
-  [[nodiscard]] const char* measure() const { return phase == "energy" ? "J" : "ns"; }
+  [[nodiscard]] bool is_energy() const { return phase == "energy"; }
+  [[nodiscard]] const char* measure() const { return is_energy() ? "J" : "ns"; }
 };
 
 struct History {
   std::string platform;
   std::vector<HistoryRun> runs;  ///< In order of time.
   std::vector<HistorySeries> series;
-  std::vector<HistoryRun> left_out = {};  ///< Of each file the newest run that did not end.
+  std::vector<HistoryRun> left_out = {};  ///< Those that did not end, newest first.
 };
 
 /// Steps below this count as none, however exactly figures repeat: a standard deviation, relative.

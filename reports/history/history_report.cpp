@@ -17,7 +17,7 @@ std::string run_text(const History& history, const HistorySeries& series, std::s
 }
 
 std::string value_text(const HistorySeries& series, double value) {
-  return figure(series.phase == "energy" ? value : value * 1e-6);
+  return figure(series.is_energy() ? value : value * 1e-6);
 }
 
 std::string kind_text(const HistoryChange& change) {
@@ -45,9 +45,9 @@ Table changes_table(const History& history) {
           {series.workload, series.unit, series.phase, kind_text(change),
            fmt::format("{:+.1f}", 100 * (change.ratio - 1)),
            value_text(series, series.points[change.before].value),
-           value_text(series, series.points[change.after].value),
-           series.phase == "energy" ? "J" : "ms", run_text(history, series, change.before),
-           run_text(history, series, change.after), change.why.empty() ? "-" : change.why});
+           value_text(series, series.points[change.after].value), series.is_energy() ? "J" : "ms",
+           run_text(history, series, change.before), run_text(history, series, change.after),
+           change.why.empty() ? "-" : change.why});
     }
   }
   table.footnotes = {
@@ -77,7 +77,7 @@ Paragraph breaks_of(const History& history) {
 /// One of all phases of a workload on a unit over the runs.
 Chart series_chart(const History& history, const std::vector<const HistorySeries*>& phases) {
   const HistorySeries& first = *phases.front();
-  const bool joules = first.phase == "energy";
+  const bool joules = first.is_energy();
   Chart chart{.kind = ChartKind::kScatter};
   chart.summary =
       fmt::format("{} on {} over {} runs", first.workload, first.unit, history.runs.size());
@@ -148,7 +148,7 @@ Document history_document(const History& history, bool all) {
   if (!all) return document;
   std::map<std::tuple<std::string, std::string, bool>, std::vector<const HistorySeries*>> charts;
   for (const HistorySeries& series : history.series) {
-    charts[{series.workload, series.unit, series.phase == "energy"}].push_back(&series);
+    charts[{series.workload, series.unit, series.is_energy()}].push_back(&series);
   }
   for (const auto& [key, phases] : charts)
     document.parts.emplace_back(series_chart(history, phases));

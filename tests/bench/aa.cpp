@@ -10,17 +10,18 @@
 #include <stdlib.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "characterize/campaign/campaign.h"
 #include "characterize/profile/store/reader.h"
+#include "characterize/published/google_benchmark.h"
 #include "characterize/statistics/statistics.h"
 #include "characterize/worker/process.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
+#include "workloads/base/text/text.h"
 
 namespace {
 
@@ -137,12 +138,13 @@ Google read_google(const Options& options, const std::vector<std::int64_t>& runs
   const auto platform = load_platform(kPlatform);
   for (const std::int64_t run : runs) {
     for (const UnitModel& unit : platform.units) {
-      std::ifstream in(google_file(options, run, unit.name));
-      if (!in) continue;
-      const auto json = nlohmann::json::parse(in);  // lives as long as its entries are looked at
-      for (const auto& entry : json.at("benchmarks")) {
-        const std::string name = entry.at("name");
-        result.times[{name.substr(0, name.find('/')), unit.name}].push_back(entry.at("real_time"));
+      const auto file = google_file(options, run, unit.name);
+      if (!std::filesystem::exists(file)) continue;
+      for (const BenchmarkEntry& entry :
+           benchmark_entries(find_benchmarks(read_file(file)).value())) {
+        if (entry.kind != BenchmarkEntry::Kind::kTime) continue;
+        const std::string workload = entry.name.substr(0, entry.name.find('/'));
+        result.times[{workload, unit.name}].push_back(entry.real_ns);
       }
     }
   }

@@ -66,6 +66,12 @@ TEST_F(RegressCommands, NamesThatOnlyOneHasAreSaidAndNotJudged) {
   EXPECT_THAT(outcome.out,
               AllOf(HasSubstr("only the baseline has it"), HasSubstr("only the candidate has it"),
                     HasSubstr("there is no ratio"), HasSubstr("3 not judged")));
+  EXPECT_THAT(compare("printf 'a 1 s\\nold 1 s\\n'", "echo a 1 s", "lines").out,
+              HasSubstr("Not judged: old (only the baseline has it)."));
+  const auto fell = compare("printf 'a 1 s\\nrate 100 x higher\\n'",
+                            "printf 'a 1 s\\nrate 0 x higher\\n'", "lines");
+  EXPECT_EQ(fell.exit_code, 3) << fell.err;
+  EXPECT_THAT(fell.out, AllOf(HasSubstr("rate"), HasSubstr("it fell to 0")));
   const auto nothing = compare("echo a 1 s", "echo b 1 s", "lines");
   EXPECT_EQ(nothing.exit_code, 3) << "no figure in common";
 }
@@ -122,6 +128,9 @@ TEST_F(RegressCommands, AProgramThatFailsIsNotFast) {
   const auto hung = compare(good, "sleep 60", "lines", {"--sample-limit", "300ms"});
   EXPECT_EQ(hung.exit_code, 1);
   EXPECT_THAT(hung.out, HasSubstr("timed out after 0.3 s"));
+  const auto within = compare(good, "sleep 60", "lines", {"--max-time", "3s"});
+  EXPECT_EQ(within.exit_code, 1) << "the limit of a process is longer than the whole time";
+  EXPECT_THAT(within.out, HasSubstr("timed out after 1 s"));
   const auto endless = compare(good, "yes", "lines");
   EXPECT_EQ(endless.exit_code, 1);
   EXPECT_THAT(endless.out, HasSubstr("printed more than 64 MiB"));
@@ -146,6 +155,9 @@ TEST_F(RegressCommands, SetsUpOnceAndWarmsUp) {
             0);
   EXPECT_EQ(processes("setup"), 1);
   EXPECT_EQ(processes("base"), 3 + 2 * 8) << "eight blocks clear it";
+  const auto slow_set_up = compare("echo time 1 s", "echo time 1 s", "lines",
+                                   {"--setup-command", "sleep 0.5", "--sample-limit", "400ms"});
+  EXPECT_EQ(slow_set_up.exit_code, 0) << slow_set_up.err;
   const auto broken = script("broken", "echo no disk >&2; exit 3");
   const auto outcome = compare(base, base, "lines", {"--setup-command", broken});
   EXPECT_EQ(outcome.exit_code, 4);

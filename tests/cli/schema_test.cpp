@@ -132,6 +132,16 @@ TEST_F(Schema, OfProfiles) {
   add("regress-commands", {"regress", "--baseline-command", "echo time 1 s", "--candidate-command",
                            "echo time 1 s", "--reads", "lines", "--ledger", scratch_.file("l")});
   add("regress", {"regress", database, copy, "--mix", mix, "--platform", board});
+  // Modes without a cost, and costs without energy.
+  const auto other = scratch_.write("other.yaml",
+                                    "mix: other\npipelines: {p: {closed_loop: {frames: 10}, tasks: "
+                                    "[{workload: fc8}]}}\n");
+  add("regress", {"regress", database, copy, "--mix", other, "--platform", board});
+  const auto plain = scratch_.write(
+      "plain.yaml",
+      "platform: board\nunits: {cpu: {backend: fake}, gpu: {backend: fake}, cloud: {backend: fake, "
+      "role: cloud}}\n");
+  add("regress", {"regress", database, copy, "--mix", mix, "--platform", plain});
   // What ran live beside what was predicted of it, and a second profile.
   std::vector<std::string> files = {"report", database, copy};
   for (const bool live : {true, false}) {

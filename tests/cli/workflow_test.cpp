@@ -68,8 +68,8 @@ TEST(Workflow, WritesItsBaseOnTheDefaultBranchOnly) {
 TEST_P(WorkflowFile, PassesYamllint) {
   if (run("command -v yamllint").exit_code != 0) GTEST_SKIP() << "yamllint is not installed";
   const std::string source = kSourceFolder;
-  const auto outcome =
-      run("yamllint --strict -c " + source + "/.yamllint " + source + "/cli/ci/" + GetParam());
+  const auto outcome = run("yamllint --strict -c " + quoted(source + "/.yamllint") + " " +
+                           quoted(source + "/cli/ci/" + GetParam()));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
 }
 
@@ -100,8 +100,8 @@ TEST(Workflow, OfGithubHasTheKeysThatGithubReads) {
 
 /// A runner whose folder stays from job to job. `cmake --build FOLDER` there makes FOLDER/pirt,
 /// which compares and measures with the real one, on a simulated board; what `pirt sample` would
-/// take says file `speed` of the source folder, in seconds. Package managers and gh do nothing but
-/// write down what they were asked for.
+/// take says file `speed` of the source folder, in seconds, and of which commit a base is file
+/// `base_commit`. Package managers and gh do nothing but write down what they were asked for.
 class Runner {
  public:
   Runner() {
@@ -123,6 +123,7 @@ class Runner {
           "    echo '{\"pirt_sample\": 1, \"version\": \"1\", \"device\": \"CPU\", \"inputs\": "
           "\"a\", \"right\": true, \"detail\": \"\", \"seconds\": {\"call\": '$speed'}}';;\n"
           "  doctor) exit 1;;\n"
+          "  export) echo '\"git_commit\": \"'$(cat base_commit 2>/dev/null)'\"' > base.json;;\n"
           "  characterize) shift\n"
           "    sed \"s/SPEED/$speed/\" '" +
               file("board.in") +
@@ -239,6 +240,32 @@ TEST(WorkflowSteps, OfGitlabCompareTwoProgramsOnARunnerThatKeepsItsFolder) {
   EXPECT_EQ(runner.job(gitlab_script("pirt-programs"), target).exit_code, 1);
 }
 
+// A speed-up that others merged since is none of the branch's slowdowns.
+TEST(WorkflowSteps, OfGitlabCompareABranchWithWhatItLeft) {
+  Runner runner;
+  runner.source(".", "0.010");
+  const std::string identity =
+      "GIT_CONFIG_GLOBAL=/dev/null GIT_AUTHOR_NAME=a GIT_AUTHOR_EMAIL=a@a GIT_COMMITTER_NAME=a "
+      "GIT_COMMITTER_EMAIL=a@a ";
+  const auto repository = runner.job(
+      "git init -q -b main .; printf 'build\\n*.db\\nbase_commit\\n' > .gitignore; git add -A\n"
+      "git commit -qm 1; git clone -q --bare . ../origin; git remote add origin ../origin\n"
+      "git checkout -qb branch; git clone -q ../origin ../other; cd ../other\n"
+      "echo 0.008 > speed; git commit -qam 2; git push -q; git rev-parse HEAD > "
+      "../work/base_commit",
+      identity);
+  ASSERT_EQ(repository.exit_code, 0) << repository.err;
+  const std::string target = identity + "CI_MERGE_REQUEST_TARGET_BRANCH_NAME=main";
+  const auto programs = runner.job(gitlab_script("pirt-programs"), target);
+  EXPECT_EQ(programs.exit_code, 0) << programs.out << programs.err;
+  // The base of profiles is the default branch's newest, which has that commit.
+  runner.write("work/base.db", "");
+  runner.source(".", "2.0");
+  const auto profiles = runner.job(gitlab_script("pirt-profiles"), target);
+  EXPECT_EQ(profiles.exit_code, 3) << profiles.err;
+  EXPECT_THAT(profiles.out, testing::HasSubstr("the base has what this branch has not"));
+}
+
 TEST(WorkflowSteps, OfGitlabReplaceTheBaseByWhatPassedAndSayWhy) {
   Runner runner;
   const auto base_job = [&](const std::string& speed, const std::string& more = "") {
@@ -282,6 +309,13 @@ TEST(WorkflowSteps, OfGitlabReplaceTheBaseByWhatPassedAndSayWhy) {
   EXPECT_THAT(other.out, testing::AllOf(testing::HasSubstr("the machine is another one"),
                                         testing::HasSubstr("anchor set")));
   EXPECT_EQ(base_job("2.24", "SEED='--seed 8'").exit_code, 0);
+  // An anchor of the former inputs would be compared with nothing ever after.
+  runner.write("work/anchor.db", anchor);
+  const auto anew = base_job("2.24", "SEED='--seed 8'");
+  EXPECT_EQ(anew.exit_code, 3) << anew.out << anew.err;
+  EXPECT_THAT(anew.out, testing::AllOf(testing::HasSubstr("base kept: exit code 3"),
+                                       testing::HasSubstr("anchor set")));
+  EXPECT_EQ(bytes("anchor.db"), bytes("new.db"));
 }
 
 // What failed in the base may fail in all that come after.

@@ -116,6 +116,9 @@ TEST(GateReport, SaysOnceWhyModesHaveNoCost) {
   EXPECT_THAT(some,
               AllOf(HasSubstr("What mix full-robot costs in each mode"), HasSubstr("12.0 -> 12.0"),
                     HasSubstr("latency, energy: not served"), HasSubstr("Virtual time")));
+  const Json modes = gate_json(report)["decisions"]["modes"];
+  EXPECT_EQ(modes["advanced"]["base"]["mean_latency_ms"], 12);
+  EXPECT_FALSE(modes["advanced"]["base"].contains("energy_j")) << "nobody knows it";
 }
 
 TEST(GateReport, WritesJUnitThatEscapesItsTexts) {

@@ -176,6 +176,22 @@ TEST(TableGate, FailsForWhatTheCandidateDidNotGetThrough) {
   EXPECT_THAT(judge_both(wrong, wrong).rows[0].reason, HasSubstr("the base failed, too"));
 }
 
+TEST(TableGate, ANewCellThatFailsIsNoPass) {
+  Machine machine(0.005, 0.01, 1);
+  const Profile base = profile_of({machine.row("sobel", 10)});
+  const auto code = [&](const std::string& reason, int processes) {
+    Profile candidate = base;
+    candidate.phases.push_back(machine.row("fc8", 5));
+    candidate.phases[1].reasons = {reason};
+    candidate.phases[1].notes = {"failed_processes: " + std::to_string(processes)};
+    return exit_code_of(judge_both(base, candidate));
+  };
+  EXPECT_EQ(code("wrong_output", 0), 1);
+  EXPECT_EQ(code("error: crashed", 2), 1);
+  EXPECT_EQ(code("error: crashed", 1), 3);
+  EXPECT_EQ(code("clock_bound", 0), 0);
+}
+
 TEST(TableGate, FailsForACellThatTheCandidatesPlanHasAndItHasNot) {
   Machine machine(0.005, 0.01, 1);
   const Profile base = profile_of({machine.row("sobel", 10), machine.row("fc6", 20)});
@@ -259,6 +275,9 @@ TEST(TableGate, JudgesEnergyWhereItHasAnInterval) {
   EXPECT_EQ(verdict(metered(1, 0.01), metered(1.3, 0.01)), GateVerdict::kSlower);
   EXPECT_EQ(verdict(metered(1, 0.01), metered(1.02, 0.01)), GateVerdict::kSame);
   EXPECT_EQ(verdict(metered(1, 0.2), metered(1.3, 0.2)), GateVerdict::kUndecided);
+  EnergyRow beside = metered(1.3, 0.01);
+  beside.source = "rapl: package-0; contended";
+  EXPECT_EQ(verdict(metered(1, 0.01), beside), GateVerdict::kUndecided);
   EnergyRow single = metered(1.3, 0.01);
   single.ci_low_j = single.ci_high_j = std::nullopt;
   EXPECT_EQ(verdict(metered(1, 0.01), single), GateVerdict::kNotJudged);
@@ -357,6 +376,45 @@ TEST(TableGate, FindsATailThatNoMedianShows) {
   Machine machine(0.002, 0.005, 3);
   const PhaseRow few = machine.row("sobel", 2, 6, 20, Phase::kCall);
   EXPECT_THAT(rows(few, few)[1].reason, HasSubstr("120 samples, 200"));
+}
+
+PeakRow peak(PeakKind kind, double per_second) {
+  PeakRow row;
+  row.unit = "cpu";
+  row.kind = kind;
+  row.per_second = per_second;
+  return row;
+}
+
+TEST(TableGate, WhatTheMachineMadeLongerIsNoTail) {
+  const auto run_of = [](const PhaseRow& calls, double peaks) {
+    Profile profile = profile_of({calls});
+    profile.peaks = {peak(PeakKind::kF32, 200e9 * peaks),
+                     peak(PeakKind::kBandwidthMemory, 50e9 * peaks)};
+    return profile;
+  };
+  const auto run = [&](double ms, double peaks) { return run_of(calls_with_tail(ms, 0), peaks); };
+  const auto slow = judge_both(run(2, 1), run(6.6, 0.3));
+  EXPECT_EQ(slow.count(GateVerdict::kSlower), 0) << "3.3 times, and the machine 3.33 times";
+  ASSERT_EQ(slow.rows[1].phase, "call tail");
+  EXPECT_EQ(*slow.rows[1].candidate, 0);
+  EXPECT_EQ(judge_both(run(2, 1), run(6.6, 1)).rows[1].verdict, GateVerdict::kSlower);
+  // The same tail on a machine that is 10 % slower: the base's calls are none that it made longer.
+  const auto with_long_ones = [&](double ms, double peaks) {
+    PhaseRow calls = calls_with_tail(ms, 0);
+    for (std::size_t i = 0; i < calls.values.size(); i += 25) {
+      calls.values[i] = scaled(calls.values[i], 3.2);
+    }
+    summarize_row(calls);
+    return run_of(calls, peaks);
+  };
+  const GateRow alike = judge_both(with_long_ones(2, 1), with_long_ones(2.2, 1 / 1.1)).rows[1];
+  EXPECT_EQ(alike.verdict, GateVerdict::kUndecided) << alike.reason;
+  EXPECT_NEAR(*alike.change, 0, 1e-9);
+  // What the machine may have made longer is not for sure the same either.
+  const GateRow open = judge_both(run(2, 1), run_of(calls_with_tail(2, 25), 0.25)).rows[1];
+  EXPECT_EQ(open.verdict, GateVerdict::kUndecided);
+  EXPECT_THAT(open.reason, HasSubstr("12 over 3 times, which may be the machine's"));
 }
 
 /// 28 cells with a call and an execute row each, as a run of Table I on two units has.
@@ -485,13 +543,6 @@ TEST(TableGate, WhatAllRowsMovedByIsOneRowAndNobodysForSure) {
 }
 
 TEST(TableGate, WhatThePeaksMovedByIsTakenOffAndPrinted) {
-  const auto peak = [](PeakKind kind, double per_second) {
-    PeakRow row;
-    row.unit = "cpu";
-    row.kind = kind;
-    row.per_second = per_second;
-    return row;
-  };
   Profile base = profile_of({with_interval(10, 0.01)});
   Profile candidate = profile_of({with_interval(12, 0.01)});
   EXPECT_EQ(judge_both(base, candidate).rows[0].verdict, GateVerdict::kSlower);
@@ -505,6 +556,12 @@ TEST(TableGate, WhatThePeaksMovedByIsTakenOffAndPrinted) {
   EXPECT_THAT(report.notes[0],
               HasSubstr("by its own peaks: cpu f32 +0.0 % and memory bandwidth -20.0 %"));
   EXPECT_EQ(gate_json(report)["machine"][1]["ratio"], 0.8);
+  base.energies = {metered(1, 0.01)};
+  candidate.energies = {metered(1.2, 0.01)};
+  EXPECT_EQ(judge_both(base, candidate).rows.back().verdict, GateVerdict::kUndecided);
+  candidate.energies = {metered(1.5, 0.01)};
+  EXPECT_EQ(judge_both(base, candidate).rows.back().verdict, GateVerdict::kSlower);
+  base.energies = candidate.energies = {};
   // Beyond them it is the program's.
   candidate.phases[0] = with_interval(14, 0.01);
   EXPECT_EQ(judge_both(base, candidate).rows[0].verdict, GateVerdict::kSlower);
@@ -531,6 +588,34 @@ TEST(TableGate, StepsTooSmallToCountAddUpAgainstAnAnchor) {
       render(gate_document(report, false), Format::kText),
       AllOf(HasSubstr("against the anchor old.db"), HasSubstr("execute, against the anchor")));
   EXPECT_EQ(gate_json(report)["rows"][1]["against"], "anchor");
+  EXPECT_TRUE(gate_json(report)["anchor_identity_differences"].empty());
+}
+
+TEST(TableGate, WhatTheAnchorAloneHasWasTakenAway) {
+  Machine machine(0.005, 0.01, 1);
+  const Profile now = profile_of({machine.row("sobel", 10)});
+  Profile anchor = profile_of({machine.row("sobel", 10), machine.row("fc6", 20)});
+  auto result = judge_both(now, now);
+  add_anchor(judge_both(anchor, now), result);
+  EXPECT_EQ(exit_code_of(result), 0);
+  // A cell that the base has and the candidate lacks is missing in both comparisons.
+  result = judge_both(anchor, now);
+  add_anchor(judge_both(anchor, now), result);
+  EXPECT_EQ(result.count(GateVerdict::kNotComparable), 2);
+  anchor.runs[0].environment["cpu_model"] = "two";
+  result = judge_both(now, now);
+  add_anchor(judge_both(anchor, now), result);
+  EXPECT_EQ(exit_code_of(result), 3);
+  GateReport report{.base = "b",
+                    .candidate = "c",
+                    .anchor = "old.db",
+                    .result = result,
+                    .decisions = {},
+                    .rule = {}};
+  const Json json = gate_json(report);
+  EXPECT_TRUE(json["identity_differences"].empty());
+  EXPECT_EQ(json["anchor_identity_differences"][0]["fact"], "cpu_model");
+  EXPECT_EQ(json["anchor_identity_differences"][0]["anchor"], "two");
 }
 
 }  // namespace

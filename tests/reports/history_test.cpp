@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "characterize/profile/store/writer.h"
 #include "tests/characterize/support.h"
 #include "tests/support/errors.h"
@@ -136,6 +138,31 @@ TEST(History, AnotherSizeIsABreak) {
   }
 }
 
+TEST(History, AnotherMeterIsABreak) {
+  const test::TemporaryFolder folder;
+  const auto file = folder / "a.db";
+  for (const bool idle_subtracted : {true, false}) {
+    ProfileWriter writer(file);
+    const auto run = writer.begin_run(test::small_run());
+    CellRecord cell = test::small_cell("sobel", "cpu");
+    cell.energy = EnergyRecord{.energy_j = idle_subtracted ? 0.5 : 1.5,
+                               .provenance = Provenance::kMeasured,
+                               .source = "rapl: package-0",
+                               .reasons = {},
+                               .domain = "package",
+                               .idle_subtracted = idle_subtracted};
+    writer.write_cell(run, cell);
+    writer.finish_run(run, "2024-01-02T03:05:00Z");
+  }
+  const History history = read_history({file}, "", "");
+  const auto energy =
+      std::ranges::find(history.series, std::string("energy"), &HistorySeries::phase);
+  ASSERT_NE(energy, history.series.end());
+  ASSERT_THAT(energy->changes, SizeIs(1));
+  EXPECT_EQ(energy->changes[0].kind, HistoryChange::Kind::kBreak);
+  EXPECT_EQ(energy->changes[0].why, "the meters cover package and package with idle");
+}
+
 TEST(History, ARunThatDidNotEndIsLeftOutAndNamed) {
   const test::TemporaryFolder folder;
   const auto file = folder / "a.db";
@@ -148,6 +175,12 @@ TEST(History, ARunThatDidNotEndIsLeftOutAndNamed) {
   EXPECT_THAT(render(history_document(history, false), Format::kText),
               AllOf(HasSubstr("run 1 of "), HasSubstr("characterize --resume")));
   EXPECT_EQ(history_json(history)["left_out"][0]["run_id"], 1);
+  add_run(file, 1000, false);
+  add_run(file, 1000);
+  const Json left_out = history_json(read_history({file}, "board", ""))["left_out"];
+  ASSERT_EQ(left_out.size(), 2U);
+  EXPECT_EQ(left_out[0]["run_id"], 3);
+  EXPECT_EQ(left_out[1]["run_id"], 1);
 }
 
 TEST(History, NothingChangedIsSaid) {

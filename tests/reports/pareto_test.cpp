@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "scheduler/record/interval.h"
+
 namespace pirt {
 namespace {
 
@@ -46,6 +48,25 @@ TEST(Pareto, EqualModesDoNotBeatEachOther) {
   for (const auto& point : mode_points(runs)) EXPECT_EQ(point.beaten_by, nullptr);
 }
 
+TEST(Pareto, ModesThatCannotBeToldApartDoNotBeatEachOther) {
+  const auto redrawn = [](RunRecord record, const std::vector<double>& joules) {
+    for (const double each : joules) {
+      RunRecord other = record;
+      other.energy_j = each;
+      record.redrawn.push_back(figures_of(other));
+    }
+    return record;
+  };
+  const std::vector<RunRecord> runs = {redrawn(run("a", 1, 2, 10), {1.9, 2.0, 2.1}),
+                                       redrawn(run("b", 1, 2.1, 10), {2.0, 1.9, 2.2}),
+                                       redrawn(run("c", 1, 2.5, 10), {2.4, 2.5, 2.6})};
+  const auto points = mode_points(runs);
+  ASSERT_EQ(points.size(), 3U);
+  EXPECT_EQ(points[1].beaten_by, nullptr) << "less in one of three";
+  ASSERT_NE(points[2].beaten_by, nullptr);
+  EXPECT_EQ(points[2].beaten_by->mode, "a");
+}
+
 TEST(Pareto, DroppingIsNoWayToSaveEnergy) {
   const std::vector<RunRecord> runs = {run("a", 1, 2, 10), run("lazy", 1, 0.1, 1, 899)};
   const auto points = mode_points(runs);
@@ -59,6 +80,35 @@ TEST(Pareto, LeavesOutRunsOfAnotherPlatform) {
   EXPECT_EQ(mode_points(std::vector{run("a", 1, 2, 10), other}).size(), 1U);
 }
 
+TEST(Pareto, AModeThatKeepsUpWithAnotherMixLeavesNobodyOut) {
+  auto other = run("b", 1, 2, 10);
+  other.mix = "another";
+  const std::vector<RunRecord> runs = {run("a", 1, 2, 10, 899), other};
+  const auto points = mode_points(runs);
+  ASSERT_EQ(points.size(), 1U);
+  EXPECT_EQ(points[0].run->mode, "a");
+}
+
+TEST(Pareto, SaysOfEachRunWhyItIsNoPoint) {
+  auto dark = run("dark", 1, 2, 10), idle = run("idle", 1, 2, 10), other = run("other", 1, 2, 10);
+  dark.energy_j.reset();
+  idle.completed = idle.pipelines[0].fired = idle.pipelines[0].completed = 0;
+  other.mix = "another";
+  const ModeRuns modes = {{run("a", 1, 2, 10), run("late", 1, 2, 10, 899), dark, idle, other},
+                          {{"heft", "it plans ahead"}}};
+  const Json left_out = pareto_json(modes)["left_out"];
+  std::vector<std::string> reasons;
+  for (const auto& each : left_out) {
+    reasons.push_back(each["goal"].get<std::string>() + ": " + each["reason"].get<std::string>());
+  }
+  EXPECT_EQ(reasons,
+            (std::vector<std::string>{"heft: it plans ahead", "late: it does not keep up",
+                                      "dark: its energy is not known", "idle: no firing completed",
+                                      "other: it is not comparable with the first"}));
+  const std::string text = render(pareto_document(modes), Format::kText);
+  EXPECT_NE(text.find("Not shown: late: it does not keep up"), std::string::npos) << text;
+}
+
 TEST(Pareto, DrawsBothBoundsAndTheFront) {
   const std::vector<RunRecord> runs = {run("a", 1, 2, 10), run("b", 1, 1.5, 9),
                                        run("c", 0.5, 1, 20), run("d", 1.5, 3, 9)};
@@ -70,6 +120,16 @@ TEST(Pareto, DrawsBothBoundsAndTheFront) {
   EXPECT_EQ(charts[0].lines[0].points, front);
   EXPECT_EQ(charts[0].lines[1].y, 2);
   EXPECT_EQ(charts[0].lines[2].x, 0.5);
+}
+
+TEST(Pareto, TasksWithoutAPredecessorAreNotDropped) {
+  auto first = run("a", 1, 2, 10);
+  first.dropped = 5;
+  first.no_predecessor = 3;
+  const std::vector<RunRecord> runs = {first};
+  const auto charts = pareto_charts(mode_points(runs));
+  ASSERT_EQ(charts.size(), 2U);
+  EXPECT_EQ(charts[1].table.rows[0][5], "2");
 }
 
 }  // namespace

@@ -44,6 +44,19 @@ TEST(ProfileCharts, KeepInvalidRowsAndSayWhy) {
   EXPECT_THAT(chart.table.rows[0].back(), HasSubstr("INVALID: unstable"));
 }
 
+TEST(ProfileCharts, MarkDoubtedFiguresAndShowTheirIntervals) {
+  auto profile = small_profile(2);
+  profile.phases[1].doubts = profile.energies[0].doubts = {"contended"};
+  profile.energies[0].ci_low_j = 0.0018;
+  profile.energies[0].ci_high_j = 0.0022;
+  EXPECT_EQ(time_charts(profile)[0].table.rows[0][2], "2.00?");
+  const auto energy = energy_charts(profile)[0];
+  EXPECT_EQ(energy.table.rows[0][2], "~2.00?");
+  EXPECT_DOUBLE_EQ(*energy.marks[0].low, 1.8);
+  EXPECT_DOUBLE_EQ(*energy.marks[0].high, 2.2);
+  EXPECT_EQ(best_units_table(std::vector{profile, small_profile(3)}).rows[0][1], "cpu, 2.00? ms");
+}
+
 TEST(ProfileCharts, ShowSamplesAsAtMostTwoHundredQuantiles) {
   auto profile = small_profile(2);
   for (int i = 0; i <= 10'000; ++i) profile.phases[1].values.push_back(from_ms(2 + 0.001 * i));

@@ -110,6 +110,17 @@ TEST(Offloading, SplitsTheFirstCallIntoItsPhases) {
                                             "3.00", "-", "6.00", "50.0%", "3.00"));
 }
 
+TEST(Offloading, AFigureOfADoubtedRowIsMarked) {
+  auto profile = two_units();
+  for (auto& r : profile.phases) {
+    if (r.unit == "gpu" && r.phase == Phase::kPrepare) r.doubts = {"contended"};
+  }
+  const auto chart = offloading_chart(offloading_costs(profile));
+  EXPECT_EQ(chart.table.rows.at(0)[3], "2.00");
+  EXPECT_EQ(chart.table.rows.at(2)[3], "100?");
+  EXPECT_EQ(chart.marks.at(2).doubt, "?");
+}
+
 TEST(Offloading, ShowsTheCrossoverColdAndWarm) {
   const auto costs = offloading_costs(two_units());
   // Cold: 6 + 3(n-1) against 151 + (n-1): 145 < 2(n-1) from 73, n = 74. Warm: 111 - 6 = 105:

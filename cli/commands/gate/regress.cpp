@@ -10,6 +10,7 @@
 #include "characterize/duet/readers.h"
 #include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
+#include "cli/options/duration.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "cli/options/profile_platform.h"
@@ -65,8 +66,8 @@ Table open_table(const std::string& path, const std::string& platform) {
   const Pooled pooled = pool_samples(reader, table.profile);
   if (pooled.runs > 1) table.name += fmt::format(" ({} runs)", pooled.runs);
   if (pooled.left_out > 0) {
-    table.name +=
-        fmt::format(" ({} of another program or platform file left out)", pooled.left_out);
+    table.name += fmt::format(" ({} of another program, platform or workload file left out)",
+                              pooled.left_out);
   }
   return table;
 }
@@ -227,6 +228,12 @@ int emit_report(const GateReport& report, const RegressOptions& options) {
   return exit_code_of(report.result, report.strict);
 }
 
+Nanos process_limit(const RegressOptions& options) {
+  const Nanos third = parse_duration(options.max_time) / 3;
+  return std::min(parse_duration(options.sample_limit),
+                  std::max<Nanos>(third, std::chrono::seconds(1)));
+}
+
 void add_regress(CLI::App& app, Action& action) {
   auto options = std::make_shared<RegressOptions>();
   Command command(
@@ -283,7 +290,8 @@ void add_regress(CLI::App& app, Action& action) {
             "command")
       .shows_default();
   add_value(command, "--sample-limit", &options->sample_limit, "DURATION", no_duration,
-            "Programs, commands: a process that takes longer hangs, and its cell has failed")
+            "Programs, commands: a process that takes longer, or a third of --max-time, hangs, and "
+            "its cell has failed")
       .shows_default();
   add_continued(command, "--ledger", &options->ledger,
                 "File that keeps what was measured, to go on after an interruption (default: "

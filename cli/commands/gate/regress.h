@@ -45,6 +45,10 @@ struct RegressOptions {
 /// Prints or writes @p report as the options say. @return The exit code.
 int emit_report(const GateReport& report, const RegressOptions& options);
 
+/// What a process may take until it hangs: --sample-limit, and so much less than --max-time that
+/// one that hangs is found.
+[[nodiscard]] Nanos process_limit(const RegressOptions& options);
+
 int regress_programs(const RegressOptions& options);
 int regress_commands(const RegressOptions& options);
 

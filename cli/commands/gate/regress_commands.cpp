@@ -6,7 +6,6 @@
 #include "characterize/duet/commands.h"
 #include "cli/commands/gate/regress.h"
 #include "cli/long_run.h"
-#include "cli/options/duration.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/shell.h"
@@ -22,7 +21,7 @@ DuetCommands commands_of(const RegressOptions& options) {
   if (!options.setup_command.empty()) commands.setup = shell_words(options.setup_command);
   commands.reader = options.as.empty() ? &find_reader(options.reads) : &workload_reader();
   commands.warm_up = options.warm_up;
-  commands.limit = parse_duration(options.sample_limit);
+  commands.limit = process_limit(options);
   commands.stop = stop_on_signal();
   return commands;
 }

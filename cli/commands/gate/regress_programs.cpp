@@ -67,7 +67,7 @@ DuetPrograms programs_of(const RegressOptions& options) {
   programs.seed = options.seed;
   programs.work = parse_duration(options.work);
   programs.cold = options.cold;
-  programs.limit = parse_duration(options.sample_limit);
+  programs.limit = process_limit(options);
   programs.stop = stop_on_signal();
   return programs;
 }

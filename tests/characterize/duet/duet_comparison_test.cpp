@@ -355,6 +355,19 @@ TEST_F(DuetLedger, IsAFile) {
   EXPECT_THAT(test::bad_input(open_it), HasSubstr("no file"));
 }
 
+TEST(ContentKey, IsOfWhatIsThereNow) {
+  // This program was built more than two seconds ago.
+  EXPECT_EQ(content_key("/proc/self/exe"), content_key("/proc/self/exe"));
+  const ScratchFolder scratch;
+  const auto file = scratch.path() / "file";
+  std::ofstream(file) << "one";
+  const auto written = std::filesystem::last_write_time(file);
+  const std::string before = content_key(file);
+  std::ofstream(file) << "two";
+  std::filesystem::last_write_time(file, written);
+  EXPECT_NE(content_key(file), before);
+}
+
 TEST(Injection, ReadsWhatItWrites) {
   const Injection injection = parse_injection("execute=1.1,scheduler=2");
   EXPECT_EQ(injection.execute, 1.1);

@@ -69,6 +69,14 @@ TEST(DuetRule, LeavesTheQuestionOpenAtTheLastLook) {
   EXPECT_EQ(rule.blocks().size(), 90U);
 }
 
+TEST(DuetRule, EightPercentThatNoBoundShowsAreNoPass) {
+  // 50 of 90 at 8 %, 40 at 1.5 %: the lower bound never is above 2 %, the upper one never 10 %.
+  DuetRule rule;
+  for (int i = 0; i < 90; ++i) rule.add_block(i % 9 < 5 ? 0.077 : 0.015);
+  EXPECT_EQ(rule.blocks().size(), 90U) << "and no suspicion";
+  EXPECT_EQ(rule.verdict(), DuetVerdict::kInconclusive);
+}
+
 TEST(DuetRule, IsInconclusiveOnceItIsGivenUp) {
   DuetRule open;
   add(open, 3, 0.10);
