@@ -66,7 +66,7 @@ step packages "packages: what is missing of Debian's" install_packages "${PIRT_P
 # A build that is there stays what it is: with its tests, which the demo does not need.
 fresh=(-DPIRT_TESTS=OFF)
 if [[ -f build/CMakeCache.txt ]]; then fresh=(); fi
-PIRT_TARGET=pirt step build "build: some 5 minutes on two cores the first time" build_pirt build "${fresh[@]}"
+PIRT_TARGET="pirt pirt_manual" step build "build: some 5 minutes on two cores the first time" build_pirt build "${fresh[@]}"
 platform=host
 if build/pirt list platforms | grep '^host-gpu  *yes ' >/dev/null; then platform=host-gpu; fi
 step characterize "characterize: every workload on every unit of this machine (platform $platform), some 2 minutes" \

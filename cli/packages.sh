@@ -17,6 +17,7 @@ PIRT_NATS_PACKAGES=(libnats-dev libssl-dev nats-server)
 # Recordings of ROS that are compressed; without them such a one is refused by name.
 PIRT_BAG_PACKAGES=(libbz2-dev liblz4-dev libzstd-dev)
 PIRT_FPGA_PACKAGES=(verilator)  # backend fpga, in the same way
+PIRT_PACKAGING=(dpkg-dev file)  # preset package
 
 say() { printf '== %s\n' "$*"; }
 
@@ -46,20 +47,44 @@ install_packages() {
     apt-get install -y -qq --no-install-recommends -o DPkg::Lock::Timeout=300 "${missing[@]}" >/dev/null
 }
 
+# free_memory [ROOT]: the kB that the machine has available, or the least that one of the process's control groups leaves, or one that these
+# are in (a container's); files that are kept in memory and can be read again do not count. ROOT: of which root folder, for tests.
+free_memory() {
+  local root=${1:-} least left controllers path at folder limit used
+  least=$(awk '/^MemAvailable:/ { print $2 }' "$root/proc/meminfo")
+  while IFS=: read -r _ controllers path; do
+    case $controllers in
+      '') folder=/sys/fs/cgroup limit=memory.max used=memory.current ;;
+      *memory*) folder=/sys/fs/cgroup/memory limit=memory.limit_in_bytes used=memory.usage_in_bytes ;;
+      *) continue ;;
+    esac
+    path=${path%/}/
+    while [[ $path == */* ]]; do
+      path=${path%/*}
+      at=$root$folder$path
+      if [[ ! -r $at/$limit || ! -r $at/$used || $(<"$at/$limit") == max ]]; then continue; fi
+      left=$(cat "$at/$limit" "$at/$used" "$at/memory.stat" 2>/dev/null |
+        awk 'NR == 1 { left = $1 } NR == 2 { left -= $1 } /^(total_)?inactive_file / { kept = $2 } END { printf "%d", (left + kept) / 1024 }') || true
+      if ((left < least)); then least=$left; fi
+    done
+  done < <(cat "$root/proc/self/cgroup" 2>/dev/null)
+  printf '%s\n' "$least"
+}
+
 # compile_jobs: how many sources are compiled at a time: as many as there are cores, and as memory has room for, since the largest take 1.2 GB.
 compile_jobs() {
-  local fit
-  fit=$(awk '/^MemAvailable:/ { print int($2 / 1250000) }' /proc/meminfo)
-  local cores
+  local fit cores
+  fit=$(($(free_memory) / 1250000))
   cores=$(nproc)
   printf '%s\n' $((fit < 1 ? 1 : fit < cores ? fit : cores))
 }
 
-# build_pirt FOLDER [CMAKE_ARGUMENT...]: configures and builds all, or what PIRT_TARGET names.
+# build_pirt FOLDER [CMAKE_ARGUMENT...]: configures and builds all, or the targets that PIRT_TARGET names.
 build_pirt() {
   local folder=$1
   shift
   say "build: $folder"
   cmake -S . -B "$folder" -G Ninja "$@" >/dev/null
-  cmake --build "$folder" -j "$(compile_jobs)" ${PIRT_TARGET:+--target "$PIRT_TARGET"}
+  # shellcheck disable=SC2086
+  cmake --build "$folder" -j "$(compile_jobs)" ${PIRT_TARGET:+--target $PIRT_TARGET}
 }

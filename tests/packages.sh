@@ -13,6 +13,9 @@ say "build: build-package"
 rm -f build-package/*.deb
 cmake --preset package >/dev/null
 cmake --build --preset package
+for each in build-package/libpirt1_*.deb; do
+  dpkg-deb -f "$each" Depends | grep libopencv || { echo "packages.sh: $each does not say what it is linked with" >&2; exit 1; }
+done
 say "lintian"
 lintian --allow-root --fail-on error build-package/*.deb
 

@@ -35,7 +35,7 @@ stage recordings "$all" "$base python3-numpy python3-opencv" "recordings, maps a
 stage mcap "$all" "$base" "npm's readers of MCAP and Foxglove's schemas on what run-robot --record writes" check_mcap
 stage subdirectory "$all" "$base" "pirt as a part of another project" long_test subdirectory
 stage systems "$all" "$base jq sqlite3 locales" "launchers, containers, boards: cases that lie beside the project" check_systems
-stage packages "$all" "$base debootstrap lintian" "packages of Debian, installed, used and removed in a fresh root" check_packages
+stage packages "$all" "$base ${PIRT_PACKAGING[*]} debootstrap lintian" "packages of Debian, installed, used and removed in a fresh root" check_packages
 stage unity-build "$all" "${PIRT_PACKAGES[*]}" "what cli/demo.sh builds, whose rooms are one source each, without a warning" build_united
 stage unity-tests "$all" "$base" "the tests of a build whose rooms are one source each, as who builds once has it" unity
 stage trixie-build "$all" "git debootstrap" "Debian 13 builds it, with g++ 14 and clang 19, without a warning" on_trixie build
@@ -67,10 +67,7 @@ check_page_script() { NODE_PATH=/usr/share/nodejs eslint --format unix reports/d
 
 build_clang() { build_pirt build-clang -DCMAKE_CXX_COMPILER=clang++-14 -DPIRT_TESTS=ON -DPIRT_WERROR=ON -DPIRT_PRECOMPILE=OFF; }
 
-check_headers() {
-  cmake -S . -B build-clang -G Ninja -DCMAKE_CXX_COMPILER=clang++-14 -DPIRT_TESTS=ON -DPIRT_WERROR=ON -DPIRT_PRECOMPILE=OFF >/dev/null
-  cmake --build build-clang --target all_verify_interface_header_sets
-}
+check_headers() { PIRT_TARGET=all_verify_interface_header_sets build_clang; }
 
 # tidy FOLDER: on each of its sources that has not passed since it changed, or a header that it includes, or the checks. What it includes
 # is what the build with clang has found.
@@ -153,8 +150,7 @@ check_mcap() {
 }
 
 check_systems() {
-  cmake -S . -B build -G Ninja >/dev/null
-  cmake --build build --target pirt
+  PIRT_TARGET=pirt build_pirt build
   tests/systems.sh build/pirt || exit $?
 }
 
@@ -193,8 +189,7 @@ unity() {
 }
 
 check_aarch64() {
-  cmake -S . -B build -G Ninja >/dev/null
-  cmake --build build --target pirt
+  PIRT_TARGET=pirt build_pirt build
   tests/aarch64.sh build/pirt
 }
 

@@ -62,19 +62,11 @@ Findings frequency_limit(const DoctorInput& input) {
 }
 
 Findings turbo(const DoctorInput& input) {
-  const auto finding = [](const std::string& command) {
-    return Finding{"turbo", Level::kSpoils, "on",
-                   "the clock depends on heat and on how many cores are busy", command};
-  };
-  if (const auto off = first_line(cpu_folder(input) / "intel_pstate/no_turbo")) {
-    if (*off != "0") return {good("turbo", "off")};
-    return {finding("echo 1 | sudo tee /sys/devices/system/cpu/intel_pstate/no_turbo")};
-  }
-  if (const auto on = first_line(cpu_folder(input) / "cpufreq/boost")) {
-    if (*on != "1") return {good("turbo", "off")};
-    return {finding("echo 0 | sudo tee /sys/devices/system/cpu/cpufreq/boost")};
-  }
-  return {unknown("turbo", "neither intel_pstate nor cpufreq/boost in /sys")};
+  const auto found = read_turbo(input.root);
+  if (!found) return {unknown("turbo", "neither intel_pstate nor cpufreq/boost in /sys")};
+  if (!found->on) return {good("turbo", "off")};
+  return {{"turbo", Level::kSpoils, "on",
+           "the clock depends on heat and on how many cores are busy", found->remedy}};
 }
 
 Findings heat(const DoctorInput& input) {

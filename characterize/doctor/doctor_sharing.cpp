@@ -7,6 +7,7 @@
 
 #include "characterize/doctor/doctor_checks.h"
 #include "characterize/machine/system_files.h"
+#include "workloads/base/system/control_groups.h"
 #include "workloads/base/system/cores.h"
 #include "workloads/base/text/text.h"
 

@@ -6,13 +6,13 @@
 #include <array>
 #include <cassert>
 
-#include "characterize/machine/system_files.h"
 #include "characterize/statistics/statistics.h"
 #include "workloads/backends/cpu/core_team.h"
 #include "workloads/backends/cpu/peak_loops.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/system/caches.h"
+#include "workloads/base/system/control_groups.h"
 #include "workloads/base/system/large_memory.h"
 #include "workloads/base/time.h"
 

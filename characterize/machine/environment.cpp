@@ -11,6 +11,7 @@
 #include <array>
 #include <fstream>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "characterize/machine/build_info.h"
@@ -57,26 +58,14 @@ std::optional<std::string> cpu_flags(const std::filesystem::path& root) {
 }
 
 std::optional<std::string> turbo(const std::filesystem::path& root) {
-  const auto cpu = root / "sys/devices/system/cpu";
-  if (const auto off = first_line(cpu / "intel_pstate/no_turbo")) return *off == "0" ? "on" : "off";
-  if (const auto on = first_line(cpu / "cpufreq/boost")) return *on == "1" ? "on" : "off";
-  return std::nullopt;
+  const auto found = read_turbo(root);
+  return found ? std::optional(found->on ? "on" : "off") : std::nullopt;
 }
 
 std::optional<std::string> steal_percent(const std::filesystem::path& root) {
-  std::ifstream in(root / "proc/stat");
-  std::string name;
-  in >> name;
-  double total = 0;
-  double steal = 0;
-  for (int i = 0; i < 8; ++i) {
-    double value = 0;
-    if (!(in >> value)) return std::nullopt;
-    total += value;
-    if (i == 7) steal = value;
-  }
-  if (total <= 0) return std::nullopt;
-  return fmt::format("{:.2f}", 100 * steal / total);
+  const HostCounters counters = read_host_counters({}, root);
+  if (!counters.steal || counters.total <= Nanos(0)) return std::nullopt;
+  return fmt::format("{:.2f}", 100 * to_s(*counters.steal) / to_s(*counters.total));
 }
 
 std::optional<std::string> temperature(const std::filesystem::path& root) {
@@ -191,6 +180,15 @@ std::optional<std::string> cpu_quota(const std::filesystem::path& root) {
 }
 
 }  // namespace
+
+std::optional<Turbo> read_turbo(const std::filesystem::path& root) {
+  for (const auto& [file, off] : {std::pair("sys/devices/system/cpu/intel_pstate/no_turbo", "1"),
+                                  {"sys/devices/system/cpu/cpufreq/boost", "0"}}) {
+    const auto is = first_line(root / file);
+    if (is) return Turbo{*is != off, fmt::format("echo {} | sudo tee /{}", off, file)};
+  }
+  return std::nullopt;
+}
 
 Environment host_environment(const std::filesystem::path& root) {
   const auto cpuinfo = root / "proc/cpuinfo";

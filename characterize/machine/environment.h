@@ -7,6 +7,7 @@
 
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "characterize/machine/environment_keys.h"
@@ -15,6 +16,14 @@
 namespace pirt {
 
 using Environment = std::map<std::string, std::string>;
+
+/// Whether cores may clock higher than they can for long.
+struct Turbo {
+  bool on = false;
+  std::string remedy;  ///< The command that turns it off.
+};
+/// Absent where the kernel does not say.
+[[nodiscard]] std::optional<Turbo> read_turbo(const std::filesystem::path& root);
 
 /// What environment_keys.h lists of the machine, as it is now.
 /// @param root  Where /proc, /sys and /etc are found; another folder in tests.

@@ -12,6 +12,7 @@
 #include <string>
 
 #include "characterize/machine/system_files.h"
+#include "workloads/base/system/control_groups.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -102,7 +103,7 @@ std::optional<std::int64_t> read_max_khz(const std::vector<int>& cores,
 /// Version 2 counts microseconds, version 1 nanoseconds. @source
 /// Documentation/admin-guide/cgroup-v2, Documentation/scheduler/sched-bwc.
 std::optional<Nanos> read_quota_wait(const std::filesystem::path& root) {
-  std::optional<Nanos> longest;  // each group around the process may hold it back
+  std::optional<Nanos> sum;  // each group around the process may hold it back
   for (const auto& folder : control_groups(root, "cpu")) {
     const auto path = folder / "cpu.stat";
     std::optional<Nanos> waited;
@@ -111,9 +112,9 @@ std::optional<Nanos> read_quota_wait(const std::filesystem::path& root) {
     } else if (const auto ns = number_of(path, "throttled_time", ' ')) {
       waited = Nanos(*ns);
     }
-    if (waited) longest = std::max(longest.value_or(Nanos(0)), *waited);
+    if (waited) sum = sum.value_or(Nanos(0)) + *waited;
   }
-  return longest;
+  return sum;
 }
 
 /// The second of three numbers of each thread: nanoseconds on a queue of the scheduler's. Those
@@ -208,7 +209,7 @@ Interference interference(const HostCounters& before, const HostCounters& after,
   const double wall_s = to_s(after.at - before.at);
   if (before.busy && after.busy) {
     const Nanos others = (*after.busy - *before.busy) - (after.own - before.own);
-    result.others = wall_s > 0 ? std::max(0.0, to_s(others) / wall_s) : 0;
+    if (wall_s > 0) result.others = std::max(0.0, to_s(others) / wall_s);
     // Busy time is counted in ticks, so each core's difference can be off by one at either end.
     const double grain_s = 2 * to_s(tick()) * core_count;
     const auto exceed = [&](double share) {

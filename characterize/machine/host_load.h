@@ -26,8 +26,8 @@ struct HostCounters {
   std::optional<std::int64_t> heat_events;
   std::optional<std::int64_t> cooled;   ///< Steps by which processors are slowed down for heat.
   std::optional<std::int64_t> max_khz;  ///< The sum of the cores' limits, which heat lowers.
-  std::optional<Nanos>
-      quota_wait;  ///< Time that this process' control group was held back by its quota.
+  /// Time that this process' control group and each one around it were held back by their quotas.
+  std::optional<Nanos> quota_wait;
 };
 
 /// @param cores  The cores that count; empty = all.
@@ -45,7 +45,8 @@ struct Interference {
   bool crowded = false;    ///< The same of 25 %: what was timed may have waited for much of it.
   /// A thermal event, slowed down for heat, or held back by a quota for more than 1 % of the time.
   bool throttled = false;
-  double others = 0;  ///< What others used of the cores, in cores; 0 = not known.
+  std::optional<double> others = {};  ///< What others used of the cores, in cores; absent = not
+                                      ///< known.
   friend bool operator==(const Interference&, const Interference&) = default;
 };
 

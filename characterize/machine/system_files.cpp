@@ -11,7 +11,6 @@
 #include <fstream>
 
 #include "workloads/base/system/file_descriptor.h"
-#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
@@ -134,56 +133,6 @@ std::vector<int> numbered_folders(const std::filesystem::path& folder, std::stri
   }
   std::ranges::sort(numbers);
   return numbers;
-}
-
-std::vector<std::filesystem::path> control_groups(const std::filesystem::path& root,
-                                                  std::string_view controller) {
-  const auto tree = root / "sys/fs/cgroup";
-  std::vector<std::filesystem::path> folders;
-  const auto add = [&folders](const std::filesystem::path& base, std::string_view group) {
-    while (group.starts_with('/')) group.remove_prefix(1);
-    for (std::filesystem::path path = group; !path.empty(); path = path.parent_path()) {
-      folders.push_back(base / path);
-    }
-    folders.push_back(base);
-  };
-  // Lines "0::/group" (v2) and "4:cpu,cpuacct:/group" (v1). @source cgroups(7).
-  std::ifstream in(root / "proc/self/cgroup");
-  std::optional<std::string> unified;
-  for (std::string line; std::getline(in, line);) {
-    const auto parts = split(line, ':');
-    if (parts.size() < 3) continue;
-    const auto controllers = split(parts[1], ',');
-    if (std::ranges::find(controllers, controller) != controllers.end()) {
-      add(tree / std::string(controller), parts[2]);
-    } else if (parts[1].empty()) {
-      unified = parts[2];
-    }
-  }
-  if (unified) {
-    add(tree, *unified);
-    add(tree / "unified", *unified);
-  } else if (folders.empty()) {
-    folders = {tree};
-  }
-  return folders;
-}
-
-std::optional<std::int64_t> memory_limit_bytes(const std::filesystem::path& root) {
-  constexpr std::int64_t kNone = std::int64_t{1} << 60;  // version 1 says 2^63 less a page
-  std::optional<std::int64_t> least;
-  for (const auto& folder : control_groups(root, "memory")) {
-    for (const char* file : {"memory.max", "memory.high", "memory.limit_in_bytes"}) {
-      const auto limit = read_number(folder / file);  // "max" is none
-      if (limit && *limit > 0 && *limit < kNone) least = std::min(least.value_or(*limit), *limit);
-    }
-  }
-  return least;
-}
-
-std::int64_t most_filled_bytes() {
-  const std::int64_t all = std::int64_t{::sysconf(_SC_PHYS_PAGES)} * ::sysconf(_SC_PAGE_SIZE);
-  return std::min(all, memory_limit_bytes().value_or(all)) / 8;
 }
 
 }  // namespace pirt

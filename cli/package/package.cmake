@@ -2,13 +2,13 @@
 # others link), libpirt-dev (headers, the scheduler's archives, CMake package, pkg-config), and pirt-pictures, the modules whose libraries
 # bring a hundred others. What they depend on is computed from what is linked. Another build (without PIRT_SHARED) makes no libpirt1.
 set(CPACK_GENERATOR DEB)
+set(CPACK_PROJECT_CONFIG_FILE ${CMAKE_CURRENT_LIST_DIR}/tools.cmake)
 set(CPACK_PACKAGE_NAME pirt)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
 set(CPACK_PACKAGE_CONTACT "pirt maintainers <maintainers@users.noreply.github.com>")
 set(CPACK_PACKAGING_INSTALL_PREFIX ${CMAKE_INSTALL_PREFIX})
 set(CPACK_STRIP_FILES ON)
-set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
-  OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS ${CMAKE_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS})
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_ALL program development pictures)
 if(PIRT_SHARED)
@@ -109,6 +109,8 @@ endforeach()
 
 # For those who build without CMake.
 set(pkgconfig_folder ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+set(to_prefix /x)
+cmake_path(RELATIVE_PATH to_prefix BASE_DIRECTORY /x/${pkgconfig_folder})
 set(scheduler_link "-lpirt_scheduler -lpirt_profile -lpirt_specs -lClp -lCoinUtils -lpthread")
 foreach(library scheduler runtime)
   set(link "${${library}_link}")

@@ -10,6 +10,24 @@ run(${CMAKE_COMMAND} --build ${project})
 check_flags(${project} robot)
 run(${project}/robot 5)
 
+# Modules, and headers for who builds without CMake, are where pirt was installed, whatever folder it was configured for.
+file(STRINGS ${project}/robot modules REGEX "^${prefix}/lib.*/pirt$")
+if(NOT EXISTS "${modules}/libpirt_pictures.so")
+  message(FATAL_ERROR "the robot looks for modules in '${modules}'")
+endif()
+file(GLOB_RECURSE library ${prefix}/pirt-scheduler.pc)
+cmake_path(GET library PARENT_PATH folder)
+run(${CMAKE_COMMAND} -E env PKG_CONFIG_PATH=${folder} pkg-config --variable=includedir pirt-scheduler)
+string(STRIP "${out}" includes)
+if(NOT EXISTS ${includes}/scheduler/schedule.h)
+  message(FATAL_ERROR "pkg-config says that headers are in '${includes}'")
+endif()
+# Who builds the program alone has no manual to install.
+file(READ ${BUILD}/cli/cmake_install.cmake rules)
+if(NOT rules MATCHES "OPTIONAL FILES \"[^\"]*/manual/\"")
+  message(FATAL_ERROR "a build without its manual cannot be installed")
+endif()
+
 # Where there is nothing to compute with.
 set(project ${BUILD}/tests/examples/schedule_project)
 set(absent "")

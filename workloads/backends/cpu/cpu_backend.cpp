@@ -3,12 +3,12 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <cctype>
 #include <fstream>
 #include <opencv2/core.hpp>
 #include <string>
 #include <utility>
 
+#include "workloads/backends/cpu/bands.h"
 #include "workloads/backends/cpu/dnn_precision.h"
 #include "workloads/backends/cpu/kernels.h"
 #include "workloads/backends/cpu/onednn.h"
@@ -17,6 +17,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/system/caches.h"
+#include "workloads/model/device_choice.h"
 #include "workloads/model/own_operation.h"
 
 namespace pirt {
@@ -43,15 +44,6 @@ DeviceInfo device_info(int cores) {
           cores,
           true,
           read_cache_sizes().last_bytes};
-}
-
-/// Whether @p part occurs in @p text in whatever case.
-bool contains(std::string_view text, std::string_view part) {
-  const auto same = [](unsigned char a, unsigned char b) {
-    return std::tolower(a) == std::tolower(b);
-  };
-  return part.empty() ||
-         std::search(text.begin(), text.end(), part.begin(), part.end(), same) != text.end();
 }
 
 const cpu::CpuKernelEntry* find_kernel(std::string_view name) {
@@ -107,11 +99,17 @@ class GuardedKernel : public Kernel, public OtherProcess {
     kernel_->bind_state(current, next);
   }
 
+  void scribble(std::byte with) override { kernel_->scribble(with); }
+
   std::vector<std::string> remarks() const override { return kernel_->remarks(); }
 
   std::optional<std::int64_t> peak_bytes() const override {
     const auto* const other = dynamic_cast<const OtherProcess*>(kernel_.get());
     return other != nullptr ? other->peak_bytes() : std::nullopt;
+  }
+  std::optional<Nanos> processor_time() const override {
+    const auto* const other = dynamic_cast<const OtherProcess*>(kernel_.get());
+    return other != nullptr ? other->processor_time() : std::nullopt;
   }
 
   std::optional<Nanos> execute(int repeats) override {
@@ -166,15 +164,18 @@ class CpuBackend : public Backend {
 
   std::unique_ptr<Device> open(const UnitRequest& request) const override {
     const auto info = device_info(0);
-    if (!contains(info.name, request.device) && !contains(info.platform, request.device)) {
+    if (!is_named(info, request.device)) {
       throw_environment(
           fmt::format("unit '{}' asks for the device '{}', but backend cpu has only "
                       "'{}' ({}); leave `device:` out",
                       request.unit, request.device, info.name, info.platform));
     }
     const int threads = bind_to_cores(request.cores, request.unit);
+    auto device = std::make_unique<CpuDevice>(threads);
+    // libgomp ends the process where it gets no thread: whether as many can be had is asked before.
+    { const cpu::BandTeam as_many(threads); }
     translated("open", request.unit, [&] { cpu::start_openmp_team(threads); });
-    return std::make_unique<CpuDevice>(threads);
+    return device;
   }
 };
 

@@ -1,11 +1,11 @@
 #include "workloads/backends/cpu/peak_loops.h"
 
 #include <fmt/core.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include "workloads/backends/cpu/onednn.h"
@@ -15,6 +15,7 @@
 #include "workloads/base/math/random.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/system/caches.h"
+#include "workloads/base/system/control_groups.h"
 #include "workloads/base/system/large_memory.h"
 
 namespace pirt::cpu {
@@ -263,24 +264,14 @@ void add_l2_reads(const CacheSizes& caches, const Cores& team, PeakLoops& all) {
   add_reads(PeakKind::kBandwidthL2, rounded_down(*caches.l2_bytes / 2), team, all);
 }
 
-/// Four times the last caches of the whole machine, over all cores of the unit, so that a pass
-/// finds next to nothing of the one before in whatever cache it may lie; beyond 1 GB twice, which
-/// is enough where what was not read for longest makes room, and takes seconds to fill; no more
-/// than an eighth of the memory.
 void add_memory_reads(const Cores& team, PeakLoops& all) {
-  constexpr std::int64_t kWithoutCacheSizes = std::int64_t{128} << 20;
-  constexpr std::int64_t kSoon = std::int64_t{1} << 30;
-  const auto caches = all_last_cache_bytes();
-  const std::int64_t memory = std::int64_t{::sysconf(_SC_PHYS_PAGES)} * ::sysconf(_SC_PAGE_SIZE);
-  const std::int64_t wanted =
-      caches ? std::max(2 * *caches, std::min(4 * *caches, kSoon)) : kWithoutCacheSizes;
-  const std::int64_t total = std::min(wanted, memory / 8);
-  if (caches && total < 2 * *caches) {
+  const auto total = memory_read_bytes(all_last_cache_bytes(), most_filled_bytes());
+  if (!total) {
     all.unavailable[PeakKind::kBandwidthMemory] =
-        "the machine has too little memory to exceed its caches";
+        "this process has too little memory to exceed the machine's caches";
     return;
   }
-  add_reads(PeakKind::kBandwidthMemory, rounded_down(total / team->size()), team, all);
+  add_reads(PeakKind::kBandwidthMemory, rounded_down(*total / team->size()), team, all);
 }
 
 void add_matmul(PeakKind kind, int threads, PeakLoops& all) {
@@ -294,6 +285,15 @@ void add_matmul(PeakKind kind, int threads, PeakLoops& all) {
 }
 
 }  // namespace
+
+std::optional<std::int64_t> memory_read_bytes(std::optional<std::int64_t> caches,
+                                              std::int64_t most) {
+  constexpr std::int64_t kWithoutCacheSizes = std::int64_t{128} << 20;
+  constexpr std::int64_t kSoon = std::int64_t{1} << 30;
+  if (!caches) return std::min(kWithoutCacheSizes, most);
+  const std::int64_t total = std::min(std::max(2 * *caches, std::min(4 * *caches, kSoon)), most);
+  return total < 2 * *caches ? std::nullopt : std::optional(total);
+}
 
 PeakLoops make_peak_loops(int threads) {
   const auto cores = current_cores();

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -62,6 +63,14 @@ struct ReadLoop {
 /// oneDNN's product of two square matrices. @param kind  kF32 or kInt8.
 /// @throws dnnl::error if this processor cannot.
 [[nodiscard]] std::unique_ptr<PeakLoop> make_matmul_loop(PeakKind kind, int threads);
+
+/// What reading the memory goes through, over all cores of the unit: four times the last caches of
+/// the whole machine, so that a pass finds next to nothing of the one before in whatever cache it
+/// may lie; beyond 1 GB twice, which is enough where what was not read for longest makes room, and
+/// takes seconds to fill. Absent where @p most is less than that.
+/// @param caches  All last caches; absent = not known.
+[[nodiscard]] std::optional<std::int64_t> memory_read_bytes(std::optional<std::int64_t> caches,
+                                                            std::int64_t most);
 
 /// All that this processor can run, on the cores that the calling thread may use now.
 [[nodiscard]] PeakLoops make_peak_loops(int threads);

@@ -17,7 +17,6 @@ namespace {
 constexpr int kLanes = PIRT_DSP_ALIGNMENT / 4;  ///< Output channels of a vector.
 constexpr int kOffset = 128;                    ///< Added to weights; see program/int8.h.
 constexpr int kSet = 3 * kLanes;                ///< Channels that a convolution computes at a time.
-constexpr double kLimit = 127;
 
 constexpr std::size_t size(int count) { return static_cast<std::size_t>(count); }
 constexpr int round_up(int value, int unit) { return (value + unit - 1) / unit * unit; }
@@ -33,10 +32,6 @@ Factor factor_of(double value) {
   return {static_cast<std::int32_t>(std::min(std::ldexp(mantissa, 31), 2147483647.0)), exponent};
 }
 
-double input_scale(dnn::ValueRange range) {
-  return kLimit / std::max(std::abs(double{range.low}), std::abs(double{range.high}));
-}
-
 /// One layer's parameters as the DSP has them: a scale for each output channel.
 class Quantized {
  public:
@@ -44,15 +39,8 @@ class Quantized {
       : weights_(parameters[0].as<float>()),
         bias_(parameters[1].as<float>()),
         inputs_(scale_of_inputs),
-        length_(weights_.size() / bias_.size()) {
-    for (std::size_t c = 0; c < bias_.size(); ++c) {
-      double peak = 0;
-      for (const float w : weights_.subspan(c * length_, length_)) {
-        peak = std::max(peak, std::abs(double{w}));
-      }
-      scales_.push_back(peak > 0 ? kLimit / peak : 1);
-    }
-  }
+        length_(weights_.size() / bias_.size()),
+        scales_(dnn::int8_weight_scales(weights_, bias_.size())) {}
 
   /// 0 for a channel that there is not.
   [[nodiscard]] std::uint8_t weight(std::size_t channel, std::size_t at) const {
@@ -121,7 +109,7 @@ Call make_convolution(ProgramSession& session, const Workload& workload,
   const int words = round_up(s.k_w, 4) / 4;
   const int channels = round_up(s.out_c, kSet);
   const int rows = s.in_c * s.in_h;
-  const double scale = input_scale(op.input);
+  const double scale = dnn::int8_input_scale(op.input);
   const Quantized quantized(parameters, scale);
 
   const Buffer input = session.allocate(size(rows) * size(pitch) * 4, "the input of a layer");
@@ -165,7 +153,7 @@ Call make_fully_connected(ProgramSession& session, const Workload& workload,
   const auto& op = operation_as<dnn::FullyConnected>(workload);
   const int in = round_up(op.in, PIRT_DSP_ALIGNMENT);
   const int channels = round_up(op.out, kLanes);
-  const double scale = input_scale(op.input);
+  const double scale = dnn::int8_input_scale(op.input);
   const Quantized quantized(parameters, scale);
 
   MappedTensor input{session.allocate(size(in) * 4, "the input of a layer"), 1, size(op.in) * 4,

@@ -5,6 +5,7 @@
 #include <poll.h>
 #include <signal.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -19,6 +20,8 @@
 #include "workloads/base/contract.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/child.h"
+#include "workloads/base/system/deadline.h"
+#include "workloads/base/system/pipe.h"
 
 namespace pirt::dsp {
 namespace {
@@ -35,22 +38,10 @@ constexpr std::size_t kSaidKept = 400;
                   doing, std::strerror(errno)));
 }
 
-FileDescriptor memory_file(const char* name, std::size_t bytes) {
+FileDescriptor empty_memory_file(const char* name) {
   FileDescriptor file(::memfd_create(name, MFD_CLOEXEC));
-  if (file.get() < 0 || ::ftruncate(file.get(), static_cast<off_t>(bytes)) != 0) {
-    throw_system("make a file in memory");
-  }
+  if (file.get() < 0) throw_system("make a file in memory");
   return file;
-}
-
-struct Pipe {
-  FileDescriptor read, write;
-};
-
-Pipe make_pipe() {
-  std::array<int, 2> ends{};
-  if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw_system("make a pipe");
-  return {FileDescriptor(ends[0]), FileDescriptor(ends[1])};
 }
 
 /// Descriptors as the child shall have them: (ours, its).
@@ -65,33 +56,6 @@ using Inherited = std::array<std::pair<int, int>, 7>;
   ::execv(words[0], words);
   ::_exit(127);
 }
-
-/// SIGPIPE, which the death of the program would send us, as an error of write() instead.
-class WithoutSigpipe {
- public:
-  WithoutSigpipe() {
-    sigemptyset(&pipe_);
-    sigaddset(&pipe_, SIGPIPE);
-    sigset_t pending;
-    sigpending(&pending);
-    was_pending_ = sigismember(&pending, SIGPIPE) == 1;
-    ::pthread_sigmask(SIG_BLOCK, &pipe_, &before_);
-  }
-  ~WithoutSigpipe() {
-    if (!was_pending_) {
-      const timespec now{};
-      while (::sigtimedwait(&pipe_, nullptr, &now) < 0 && errno == EINTR) {
-      }
-    }
-    ::pthread_sigmask(SIG_SETMASK, &before_, nullptr);
-  }
-  WithoutSigpipe(const WithoutSigpipe&) = delete;
-  WithoutSigpipe& operator=(const WithoutSigpipe&) = delete;
-
- private:
-  sigset_t pipe_{}, before_{};
-  bool was_pending_ = false;
-};
 
 bool write_all(int fd, const void* data, std::size_t bytes) {
   const WithoutSigpipe guard;
@@ -138,20 +102,11 @@ SessionOptions checked(SessionOptions options) {
 
 }  // namespace
 
-SharedMemory::SharedMemory(const char* name, std::size_t bytes)
-    : file_(memory_file(name, bytes)), bytes_(bytes) {
-  void* const address = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd(), 0);
-  if (address == MAP_FAILED) throw_system("map a file");
-  address_ = static_cast<std::byte*>(address);
-}
-
-SharedMemory::~SharedMemory() { ::munmap(address_, bytes_); }
-
 ProgramSession::ProgramSession(SessionOptions options)
     : options_(checked(std::move(options))),
       mapping_("pirt-dsp", options_.mapping_bytes),
       counts_page_("pirt-dsp-counts", sizeof(PirtDspCountsPage)),
-      said_(memory_file("pirt-dsp-said", 0)) {
+      said_(empty_memory_file("pirt-dsp-said")) {
   free_all();
   try {
     start();
@@ -171,6 +126,14 @@ PirtDspCountsPage ProgramSession::counts() const {
 
 void ProgramSession::start() {
   stop();
+  rlimit files{};
+  ::getrlimit(RLIMIT_NOFILE, &files);
+  if (files.rlim_cur <= PIRT_DSP_COUNTS_FD) {
+    throw_environment(
+        fmt::format("qemu-hexagon gets descriptors up to {}, and the limit on open files is {}; "
+                    "raise it (ulimit -n 256)",
+                    PIRT_DSP_COUNTS_FD, files.rlim_cur));
+  }
   if (::ftruncate(said_.get(), 0) != 0) throw_system("clear a file in memory");
   std::memset(counts_page_.data(), 0, sizeof(PirtDspCountsPage));
   std::array<std::string, 4> words = {options_.emulator.string(), "-plugin",
@@ -285,17 +248,15 @@ Cost ProgramSession::exchange(const PirtDspCommand& command, std::string_view na
 }
 
 void ProgramSession::wait_for_reply(PirtDspReply& reply, std::string_view name, Nanos limit) {
-  using SteadyClock = std::chrono::steady_clock;
-  const auto deadline = SteadyClock::now() + limit;
+  const MachineClock clock;
+  Deadline deadline(clock.now(), limit);
   while (true) {
-    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - SteadyClock::now());
-    if (left.count() <= 0) {
+    const Nanos wait = deadline.next_wait(clock.now(), std::chrono::seconds(1));
+    pollfd stream{replies_.get(), POLLIN, 0};
+    if (::poll(&stream, 1, poll_ms(wait)) <= 0) {
+      if (wait > Nanos(0)) continue;  // EINTR, or time to look at the limit
       fail_call(name, fmt::format("gave no answer within {:.3g} s and was ended", to_s(limit)));
     }
-    pollfd stream{replies_.get(), POLLIN, 0};
-    const int ready =
-        ::poll(&stream, 1, static_cast<int>(std::min<std::int64_t>(left.count(), 1000)));
-    if (ready <= 0) continue;  // EINTR, or time to look at the limit
     const auto n = ::read(replies_.get(), &reply, sizeof(reply));
     if (n == sizeof(reply)) return;
     if (n < 0 && errno == EINTR) continue;
@@ -312,10 +273,11 @@ void ProgramSession::fail_call(std::string_view name, std::string_view how) {
 std::string ProgramSession::how_it_ended() {
   int status = 0;
   ::kill(process_, SIGKILL);  // of no effect on one that ended by itself
-  while (::waitpid(process_, &status, 0) < 0 && errno == EINTR) {
+  pid_t got = 0;
+  while ((got = ::waitpid(process_, &status, 0)) < 0 && errno == EINTR) {
   }
   process_ = -1;
-  std::string how = fmt::format("ended with code {}", WEXITSTATUS(status));
+  std::string how = got < 0 ? kEndNotKnown : fmt::format("ended with code {}", WEXITSTATUS(status));
   if (WIFSIGNALED(status)) {
     const char* const signal = ::sigabbrev_np(WTERMSIG(status));
     how = fmt::format("crashed (SIG{})", signal != nullptr ? signal : "?");

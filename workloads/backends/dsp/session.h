@@ -17,6 +17,7 @@
 
 #include "workloads/backends/dsp/protocol.h"
 #include "workloads/base/system/file_descriptor.h"
+#include "workloads/base/system/shared_memory.h"
 #include "workloads/base/time.h"
 
 namespace pirt::dsp {
@@ -46,22 +47,6 @@ struct Cost {
 struct Buffer {
   std::uint32_t offset = 0;
   std::uint32_t bytes = 0;
-};
-
-/// A file in memory that this process has mapped and children may.
-class SharedMemory {
- public:
-  SharedMemory(const char* name, std::size_t bytes);
-  ~SharedMemory();
-  SharedMemory(const SharedMemory&) = delete;
-  SharedMemory& operator=(const SharedMemory&) = delete;
-  [[nodiscard]] int fd() const { return file_.get(); }
-  [[nodiscard]] std::byte* data() const { return address_; }
-
- private:
-  FileDescriptor file_;
-  std::size_t bytes_;
-  std::byte* address_;
 };
 
 class ProgramSession {

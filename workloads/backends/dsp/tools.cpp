@@ -11,16 +11,16 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
-#include <cstdlib>
 #include <fstream>
 #include <iterator>
-#include <sstream>
 #include <thread>
 
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
+#include "workloads/base/system/deadline.h"
 #include "workloads/base/system/file_descriptor.h"
 #include "workloads/base/system/module.h"
+#include "workloads/base/system/program_path.h"
 
 namespace pirt::dsp {
 namespace {
@@ -30,16 +30,6 @@ namespace fs = std::filesystem;
 constexpr const char* kEmulator = "qemu-hexagon";
 constexpr const char* kPlugin = "pirt_dsp_count.so";
 constexpr const char* kProgram = "pirt_dsp.elf";
-
-fs::path find_in_path(const char* name) {
-  const char* const variable = std::getenv("PATH");
-  std::istringstream folders(variable != nullptr ? variable : "");
-  for (std::string folder; std::getline(folders, folder, ':');) {
-    fs::path path = fs::path(folder.empty() ? "." : folder) / name;
-    if (::access(path.c_str(), X_OK) == 0) return path;
-  }
-  return {};
-}
 
 fs::path find_own(const char* name) {
   std::error_code unknown;
@@ -88,16 +78,16 @@ pid_t start_asking(std::string path, int standard_output) {
   return process;
 }
 
-/// @return Its status.
+/// @return Its status; 0 also where others have taken it: what it said decides.
 int wait_for(pid_t process, const std::string& path) {
-  using SteadyClock = std::chrono::steady_clock;
-  const auto deadline = SteadyClock::now() + kAnswerLimit;
+  const MachineClock clock;
+  Deadline deadline(clock.now(), kAnswerLimit);
   int status = -1;
-  while (SteadyClock::now() < deadline) {
+  for (Nanos wait(1); wait > Nanos(0); std::this_thread::sleep_for(wait)) {
+    wait = deadline.next_wait(clock.now(), kLookEvery);
     const pid_t ended = ::waitpid(process, &status, WNOHANG);
     if (ended == process) return status;
-    if (ended < 0 && errno != EINTR) return -1;
-    std::this_thread::sleep_for(kLookEvery);
+    if (ended < 0 && errno != EINTR) return errno == ECHILD ? 0 : -1;
   }
   ::kill(-process, SIGKILL);
   while (::waitpid(process, &status, 0) < 0 && errno == EINTR) {
@@ -109,7 +99,8 @@ int wait_for(pid_t process, const std::string& path) {
 }  // namespace
 
 Tools find_tools() {
-  Tools tools{find_in_path(kEmulator), find_own(kPlugin), find_own(kProgram), ""};
+  Tools tools{try_find_program(kEmulator).value_or(fs::path()), find_own(kPlugin),
+              find_own(kProgram), ""};
   tools.missing = what_is_missing(tools);
   return tools;
 }

@@ -157,13 +157,7 @@ double finish_outputs(const Layer& layer, std::span<const std::byte> lane, std::
 /// Words of 14 channels, group after group; zeros for channels and taps that there are not.
 void append_weights(Layer& layer, std::span<const float> weights, std::vector<std::byte>& to) {
   const Shape& s = layer.shape;
-  const auto length = weights.size() / layer.bias.size();
-  for (std::size_t c = 0; c < layer.bias.size(); ++c) {
-    double peak = 0;
-    for (const float w : weights.subspan(c * length, length))
-      peak = std::max(peak, std::abs(double{w}));
-    layer.weight_scales.push_back(peak > 0 ? kLimit / peak : 1);
-  }
+  layer.weight_scales = dnn::int8_weight_scales(weights, layer.bias.size());
   const auto weight = [&](int out, int channel, int ky, int kx) {
     const int c = channel / (s.stride * s.stride);
     const int y = ky * s.stride + channel / s.stride % s.stride,
@@ -210,10 +204,6 @@ Call call_of(Layer layer, std::span<const Tensor> parameters) {
   return call;
 }
 
-double input_scale(dnn::ValueRange range) {
-  return kLimit / std::max(std::abs(double{range.low}), std::abs(double{range.high}));
-}
-
 Call make_conv_layer(const Workload& workload, std::span<const Tensor> parameters) {
   const auto& op = operation_as<dnn::Conv2dRelu>(workload);
   const dnn::ConvShape& s = op.shape;
@@ -223,7 +213,7 @@ Call make_conv_layer(const Workload& workload, std::span<const Tensor> parameter
                   .in_c = s.in_c,
                   .k_h = s.k_h,
                   .k_w = s.k_w,
-                  .input_scale = input_scale(op.input),
+                  .input_scale = dnn::int8_input_scale(op.input),
                   .weight_scales = {},
                   .bias = {},
                   .relu = true},
@@ -234,7 +224,7 @@ Call make_fully_connected(const Workload& workload, std::span<const Tensor> para
   const auto& op = operation_as<dnn::FullyConnected>(workload);
   return call_of({.shape = shape_of(op),
                   .in_c = op.in,
-                  .input_scale = input_scale(op.input),
+                  .input_scale = dnn::int8_input_scale(op.input),
                   .weight_scales = {},
                   .bias = {},
                   .softmax = op.activation == dnn::Activation::kSoftmax},

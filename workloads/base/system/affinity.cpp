@@ -1,59 +1,68 @@
 #include "workloads/base/system/affinity.h"
 
 #include <fmt/format.h>
-#include <sched.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <vector>
+#include <set>
 
 #include "workloads/base/error.h"
 
 namespace pirt {
 namespace {
 
-cpu_set_t current_affinity() {
-  cpu_set_t set;
-  CPU_ZERO(&set);
-  if (sched_getaffinity(0, sizeof set, &set) != 0) {
-    throw_environment(std::string("cannot read the thread's affinity: ") + std::strerror(errno));
-  }
-  return set;
-}
+constexpr std::size_t kMostCores = 65'536;
 
-std::vector<int> members(const cpu_set_t& set) {
-  std::vector<int> cores;
-  for (int core = 0; core < CPU_SETSIZE; ++core) {
-    if (CPU_ISSET(static_cast<std::size_t>(core), &set)) cores.push_back(core);
+/// False if one of them is out of range, or the kernel refuses.
+bool set_cores(std::span<const int> cores) {
+  std::vector<cpu_set_t> mask(kMostCores / CPU_SETSIZE);
+  const std::size_t size_bytes = mask.size() * sizeof(cpu_set_t);
+  for (const int core : cores) {
+    if (core < 0 || static_cast<std::size_t>(core) >= kMostCores) return false;
+    CPU_SET_S(static_cast<std::size_t>(core), size_bytes, mask.data());
   }
-  return cores;
+  return ::sched_setaffinity(0, size_bytes, mask.data()) == 0;
 }
 
 }  // namespace
 
-std::vector<int> current_cores() { return members(current_affinity()); }
+std::vector<int> cores_of_thread(pid_t thread, int (*ask)(pid_t, std::size_t, cpu_set_t*)) {
+  std::vector<int> cores;
+  // The kernel refuses a mask that has no room for all cores of the machine.
+  for (std::size_t count = CPU_SETSIZE; cores.empty() && count <= kMostCores; count *= 4) {
+    std::vector<cpu_set_t> mask(count / CPU_SETSIZE);
+    const std::size_t size_bytes = mask.size() * sizeof(cpu_set_t);
+    if (ask(thread, size_bytes, mask.data()) != 0) continue;
+    for (std::size_t core = 0; core < count; ++core) {
+      if (CPU_ISSET_S(core, size_bytes, mask.data())) cores.push_back(static_cast<int>(core));
+    }
+  }
+  return cores;
+}
+
+std::vector<int> current_cores() {
+  auto cores = cores_of_thread(0);
+  if (cores.empty()) {
+    throw_environment(std::string("cannot read the thread's affinity: ") + std::strerror(errno));
+  }
+  return cores;
+}
 
 int bind_to_cores(std::span<const int> cores, const std::string& unit) {
-  const cpu_set_t before = current_affinity();
-  if (cores.empty()) return CPU_COUNT(&before);
-  cpu_set_t wanted;
-  CPU_ZERO(&wanted);
-  bool possible = true;
-  for (const int core : cores) {
-    possible = possible && core >= 0 && core < CPU_SETSIZE;
-    if (possible) CPU_SET(static_cast<std::size_t>(core), &wanted);
-  }
+  const auto before = current_cores();
+  if (cores.empty()) return static_cast<int>(before.size());
   // The kernel drops cores that do not exist or that this process may not use, so what it took has
   // to be compared.
-  if (possible && sched_setaffinity(0, sizeof wanted, &wanted) == 0) {
-    const cpu_set_t taken = current_affinity();
-    if (CPU_EQUAL(&taken, &wanted)) return CPU_COUNT(&wanted);
-    sched_setaffinity(0, sizeof before, &before);
+  if (set_cores(cores)) {
+    const std::set<int> wanted(cores.begin(), cores.end());
+    if (std::ranges::equal(current_cores(), wanted)) return static_cast<int>(wanted.size());
+    set_cores(before);
   }
   throw_environment(fmt::format(
       "unit '{}' asks for the cores {}, which are not all there for this process (it runs on {}); "
       "correct `cores:` in the platform file",
-      unit, fmt::join(cores, ","), fmt::join(members(before), ",")));
+      unit, fmt::join(cores, ","), fmt::join(before, ",")));
 }
 
 }  // namespace pirt

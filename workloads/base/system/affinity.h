@@ -1,6 +1,10 @@
 // Which of the host's cores a thread runs on.
 #pragma once
 
+#include <sched.h>
+#include <sys/types.h>
+
+#include <cstddef>
 #include <span>
 #include <string>
 #include <vector>
@@ -14,7 +18,14 @@ namespace pirt {
 /// affinity is then as before.
 int bind_to_cores(std::span<const int> cores, const std::string& unit);
 
-/// The cores that the calling thread may use, in order.
+/// The cores that a thread may use, in order; empty if the system does not say.
+/// @param thread  Its number; 0 = the calling one.
+/// @param ask     Another function in tests.
+[[nodiscard]] std::vector<int> cores_of_thread(pid_t thread,
+                                               int (*ask)(pid_t, std::size_t,
+                                                          cpu_set_t*) = ::sched_getaffinity);
+
+/// The same of the calling thread.
 /// @throws Error{kEnvironment} if the system does not say.
 [[nodiscard]] std::vector<int> current_cores();
 

@@ -1,4 +1,5 @@
-// What every child process does between fork and exec: only calls that POSIX allows there.
+// What every child process does between fork and exec: only calls that POSIX allows there. What is
+// said of one whose end others have taken.
 #pragma once
 
 #include <sys/prctl.h>
@@ -19,5 +20,9 @@ inline void begin_child(pid_t parent, unsigned kept) {
   ::sigprocmask(SIG_SETMASK, &none, nullptr);
   ::signal(SIGPIPE, SIG_DFL);
 }
+
+/// Of a child that waitpid() does not find.
+inline constexpr const char* kEndNotKnown =
+    "has ended; how is not known, since this process ignores SIGCHLD or waits for all";
 
 }  // namespace pirt

@@ -10,9 +10,13 @@
 
 #include "workloads/base/error.h"
 
-/// Where modules were built: of programs that are not installed, which have a source more for it
-/// (build_folder.cpp.in). Others look into no build folder, which may be somebody else's by then.
-extern "C" [[gnu::weak]] const char* pirt_build_folder();
+/// Of programs that have a source more for it (module_folder.cpp.in): where modules are, and below
+/// which folder the program lies then. Installed ones look into no build folder, which may be
+/// somebody else's by then.
+extern "C" {
+[[gnu::weak]] const char* pirt_module_folder();
+[[gnu::weak]] const char* pirt_program_folder();
+}
 
 namespace pirt {
 
@@ -34,11 +38,17 @@ fs::path own_file() {
 
 }  // namespace
 
-std::vector<fs::path> module_folders() {
-  const fs::path beside = own_file().parent_path();
-  std::vector<fs::path> folders = {beside, beside / "pirt",
-                                   beside.parent_path() / PIRT_MODULE_FOLDER};
-  if (pirt_build_folder != nullptr) folders.emplace_back(pirt_build_folder());
+std::vector<fs::path> module_folders() { return module_folders(own_file()); }
+
+std::vector<fs::path> module_folders(const fs::path& file) {
+  std::vector<fs::path> folders;
+  if (file.is_absolute()) {  // without /proc it is not known
+    const fs::path beside = file.parent_path();
+    folders = {beside, beside / "pirt", beside.parent_path() / PIRT_MODULE_FOLDER};
+  }
+  if (pirt_module_folder != nullptr && file.string().starts_with(pirt_program_folder())) {
+    folders.emplace_back(pirt_module_folder());
+  }
   folders.emplace_back(PIRT_INSTALLED_FOLDER);
   return folders;
 }
@@ -62,7 +72,11 @@ void* module_symbol(const char* module, const char* symbol, const std::string& r
   const auto places = module_folders();
   for (const fs::path& folder : places) {
     const fs::path place = folder / module;
-    if (!fs::exists(place)) continue;
+    std::error_code unreadable;
+    if (!fs::exists(place, unreadable)) {
+      if (unreadable) why = fmt::format("{}: {}", place.string(), unreadable.message());
+      continue;
+    }
     void* const loaded = ::dlopen(place.c_str(), RTLD_NOW | RTLD_LOCAL);
     void* const found = loaded == nullptr ? nullptr : ::dlsym(loaded, symbol);
     if (found != nullptr) return found;

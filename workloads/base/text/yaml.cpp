@@ -222,24 +222,19 @@ std::string YamlNode::location() const {
   return pirt::location(file_, *node_) + (path_.empty() ? "" : ": " + path_);
 }
 
-void YamlNode::fail(const std::string& message) const { fail_at(*node_, message); }
-
-void YamlNode::fail_at(const YAML::Node& below, const std::string& message) const {
-  pirt::fail_at(file_, below, path_, message);
-}
+void YamlNode::fail(const std::string& message) const { fail_at(file_, *node_, path_, message); }
 
 std::vector<std::string> YamlNode::keys() const {
   if (!node_->IsMap()) fail("must be a map, is " + std::string(kind_of(*node_)));
   std::vector<std::string> names;
   std::unordered_set<std::string_view> seen;
   for (const auto& entry : *node_) {
-    if (!entry.first.IsScalar())
-      pirt::fail_at(file_, entry.first, path_, "a key must be plain text");
+    if (!entry.first.IsScalar()) fail_at(file_, entry.first, path_, "a key must be plain text");
     const std::string& name = entry.first.Scalar();
     if (find_unprintable(name))
-      pirt::fail_at(file_, entry.first, path_, "a key must be one line of text");
+      fail_at(file_, entry.first, path_, "a key must be one line of text");
     if (!seen.insert(name).second) {
-      pirt::fail_at(file_, entry.first, child_path(path_, name), "given twice");
+      fail_at(file_, entry.first, child_path(path_, name), "given twice");
     }
     names.push_back(name);
   }
@@ -251,8 +246,8 @@ void YamlNode::check_keys(const std::vector<std::string>& allowed) const {
     if (std::ranges::find(allowed, name) != allowed.end()) continue;
     for (const auto& entry : *node_) {
       if (entry.first.Scalar() != name) continue;
-      pirt::fail_at(file_, entry.first, child_path(path_, name),
-                    "unknown key" + suggestion(name, allowed));
+      fail_at(file_, entry.first, child_path(path_, name),
+              "unknown key" + suggestion(name, allowed));
     }
   }
 }
@@ -281,6 +276,14 @@ std::string YamlNode::text() const {
   if (!node_->IsScalar()) fail("must be text, is " + std::string(kind_of(*node_)));
   if (find_unprintable(node_->Scalar())) fail("must be one line of text, without tabs");
   return node_->Scalar();
+}
+
+std::string YamlNode::one_of(const std::vector<std::string>& known) const {
+  std::string word = text();
+  if (std::ranges::find(known, word) == known.end()) {
+    fail("'" + word + "' is not one of " + join(known, ", ") + suggestion(word, known));
+  }
+  return word;
 }
 
 std::string YamlNode::paragraph() const {
@@ -312,6 +315,21 @@ double YamlNode::number(double low, double high) const {
 
 Nanos YamlNode::milliseconds(double low_ms) const {
   return number_of(pirt::milliseconds(scalar(), low_ms, kLongestMs));
+}
+
+std::pair<Nanos, Nanos> YamlNode::time_range() const {
+  if (!is_map()) {
+    const Nanos time = milliseconds(0);
+    return {time, time};
+  }
+  check_keys({"uniform"});
+  const YamlNode uniform = at("uniform");
+  const auto bounds = uniform.items();
+  if (bounds.size() != 2) uniform.fail("must be [low, high]");
+  const Nanos low = bounds[0].milliseconds(0);
+  const Nanos high = bounds[1].milliseconds(0);
+  if (low > high) uniform.fail("low must not be above high");
+  return {low, high};
 }
 
 std::int64_t YamlNode::integer(std::int64_t low, std::int64_t high) const {

@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "workloads/base/text/numbers.h"
@@ -40,12 +41,16 @@ class YamlNode {
 
   /// One printable line.
   [[nodiscard]] std::string text() const;
+  /// One of the @p known texts.
+  [[nodiscard]] std::string one_of(const std::vector<std::string>& known) const;
   /// Text that may have several lines in the file, as one.
   [[nodiscard]] std::string paragraph() const;
   /// Numbers are what base/numbers.h reads, within [low, high].
   [[nodiscard]] double number(double low, double high) const;
   /// A time in ms up to kLongestMs; @p low_ms is 0 or kNanosecondMs.
   [[nodiscard]] Nanos milliseconds(double low_ms) const;
+  /// Low and high of a time in ms (twice the same) or of {uniform: [low, high]}; each from 0.
+  [[nodiscard]] std::pair<Nanos, Nanos> time_range() const;
   [[nodiscard]] std::int64_t integer(std::int64_t low, std::int64_t high) const;
   [[nodiscard]] bool boolean() const;
   /// The node as YAML text, for those that keep a part of a file uninterpreted.
@@ -55,9 +60,6 @@ class YamlNode {
   [[nodiscard]] std::string location() const;
   /// @throws Error{kBadInput} "file:line: path: message".
   [[noreturn]] void fail(const std::string& message) const;
-  /// For readers of a part that have their own messages: the node, and failing at one below it.
-  [[nodiscard]] const YAML::Node& raw() const { return *node_; }
-  [[noreturn]] void fail_at(const YAML::Node& below, const std::string& message) const;
 
  private:
   /// "" for what is no scalar.

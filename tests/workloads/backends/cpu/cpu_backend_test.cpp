@@ -11,8 +11,10 @@
 #include <thread>
 
 #include "tests/support/data.h"
+#include "tests/support/few_threads.h"
 #include "tests/workloads/catalog/workload_support.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/affinity.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/dnn/layers.h"
@@ -88,6 +90,18 @@ TEST(CpuBackend, SupportsTheWholeCatalogAndNamesAKernelThatItHasNot) {
   EXPECT_FALSE(backend->supports(unknown).ok);
   EXPECT_THAT(backend->supports(unknown).reason, HasSubstr("trace_rays"));
   EXPECT_THROW(static_cast<void>(open_device()->prepare(unknown, {})), Error);
+}
+
+// A team of OpenMP for which a thread is refused ends the process.
+TEST(CpuBackendThreads, SaysThatTheMachineGivesTooFew) {
+  const auto cores = current_cores();
+  if (cores.size() < 2) GTEST_SKIP() << "skipped: one core needs no other thread";
+  for (const int threads : {0, 1}) {
+    const auto open = [&] {
+      static_cast<void>(make_cpu_backend()->open(request({cores[0], cores[1]})));
+    };
+    EXPECT_EQ(test::with_threads(threads, open), "cannot start a thread") << threads;
+  }
 }
 
 class CpuWorkload : public testing::TestWithParam<std::string> {};

@@ -120,6 +120,17 @@ TEST(PeakLoops, ReadsTakeEveryWordOnce) {
   }
 }
 
+TEST(PeakLoops, ReadNoMoreOfTheMemoryThanTheProcessMayFill) {
+  constexpr std::int64_t kMega = std::int64_t{1} << 20, kMuch = std::int64_t{1} << 40;
+  EXPECT_EQ(cpu::memory_read_bytes(32 * kMega, kMuch), 128 * kMega);
+  EXPECT_EQ(cpu::memory_read_bytes(400 * kMega, kMuch), 1024 * kMega);
+  EXPECT_EQ(cpu::memory_read_bytes(800 * kMega, kMuch), 1600 * kMega);
+  EXPECT_EQ(cpu::memory_read_bytes(32 * kMega, 64 * kMega), 64 * kMega);
+  EXPECT_EQ(cpu::memory_read_bytes(32 * kMega, 63 * kMega), std::nullopt);
+  EXPECT_EQ(cpu::memory_read_bytes(std::nullopt, kMuch), 128 * kMega);
+  EXPECT_EQ(cpu::memory_read_bytes(std::nullopt, 50 * kMega), 50 * kMega);
+}
+
 TEST(CoreTeam, RunsOnEachOfItsCoresAndAgain) {
   const auto cores = current_cores();
   cpu::CoreTeam team(cores);

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -95,6 +96,32 @@ TEST_F(DspSession, SaysWhatAnEmulatorSaidThatDoesNotStart) {
   options = options_;
   options.emulator = "/bin/true";
   EXPECT_THAT(start_error(options), HasSubstr("ended with code 0"));
+}
+
+TEST_F(DspSession, SaysThatFewerFilesMayBeOpenThanItGivesNumbersTo) {
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &before), 0);
+  const rlimit few{203, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &few), 0);
+  const std::string error = start_error(options_);
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &before), 0);
+  EXPECT_THAT(error, AllOf(HasSubstr("the limit on open files is 203"), HasSubstr("ulimit -n")));
+}
+
+// As where whoever uses pirt has no interest in his children.
+TEST_F(DspSession, IsOneAlsoWhereNobodyHearsOfChildren) {
+  const auto before = ::signal(SIGCHLD, SIG_IGN);
+  std::string version, end;
+  try {
+    version = emulator_version(options_.emulator);
+    ProgramSession session(faulty());
+    end = environment_error([&] { run(session, kEnd); });
+  } catch (const Error& error) {
+    ADD_FAILURE() << error.what();
+  }
+  ::signal(SIGCHLD, before);
+  EXPECT_THAT(version, HasSubstr("qemu-hexagon "));
+  EXPECT_THAT(end, HasSubstr("has ended; how is not known"));
 }
 
 TEST_F(DspSession, RefusesWhatTheMappingHasNoRoomFor) {

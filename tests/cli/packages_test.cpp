@@ -1,0 +1,52 @@
+// cli/packages.sh, as the demo and the tests source it.
+#include <filesystem>
+
+#include "tests/cli/program.h"
+
+namespace pirt::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What @p commands print, which have the script's functions; $1 is @p argument.
+std::string said(const std::string& commands, const std::string& argument = "") {
+  const auto outcome =
+      run("bash -euo pipefail -c '. \"$0\"; " + commands + "' " +
+          quoted(std::string(kSourceFolder) + "/cli/packages.sh") + " " + quoted(argument));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  return outcome.out;
+}
+
+TEST(Packages, CountTheMemoryThatControlGroupsLeave) {
+  const Scratch scratch;
+  const auto write = [&](const std::string& name, const std::string& text) {
+    fs::create_directories(fs::path(scratch.file(name)).parent_path());
+    scratch.write(name, text + "\n");
+  };
+  const auto free_kb = [&] { return said("free_memory \"$1\"", scratch.file("")); };
+  write("proc/meminfo", "MemTotal:       9000000 kB\nMemAvailable:   8000000 kB");
+  EXPECT_EQ(free_kb(), "8000000\n") << "a machine without control groups";
+  // A container's, in which that of the build has no limit: 4,096,000 B - 2,048,000 B = 2000 kB.
+  write("proc/self/cgroup", "0::/container/build");
+  write("sys/fs/cgroup/container/memory.max", "4096000");
+  write("sys/fs/cgroup/container/memory.current", "2048000");
+  write("sys/fs/cgroup/container/build/memory.max", "max");
+  write("sys/fs/cgroup/container/build/memory.current", "1024");
+  EXPECT_EQ(free_kb(), "2000\n");
+  write("sys/fs/cgroup/container/memory.stat", "anon 5\ninactive_file 1024000");
+  EXPECT_EQ(free_kb(), "3000\n") << "with 1000 kB of files that can be read again";
+  // The first version, whose folder in the container is the root.
+  write("proc/self/cgroup", "5:cpu:/a\n4:memory:/docker/b");
+  write("sys/fs/cgroup/memory/memory.limit_in_bytes", "2048000");
+  write("sys/fs/cgroup/memory/memory.usage_in_bytes", "1024000");
+  EXPECT_EQ(free_kb(), "1000\n");
+}
+
+TEST(Packages, BuildAllTargetsThatAreNamed) {
+  EXPECT_THAT(said("cmake() { printf \"<%s>\" \"$@\"; }; "
+                   "PIRT_TARGET=\"pirt pirt_manual\" build_pirt folder"),
+              testing::HasSubstr("<--target><pirt><pirt_manual>"));
+}
+
+}  // namespace
+}  // namespace pirt::test
