@@ -33,6 +33,7 @@
 #include "workloads/base/math/random.h"
 #include "workloads/base/text/text.h"
 #include "workloads/inputs/pictures/images.h"
+#include "workloads/model/device_choice.h"
 #include "workloads/model/own_operation.h"
 
 namespace pirt {
@@ -147,15 +148,31 @@ class Campaign {
   void end() {
     summary_.elapsed = elapsed();
     Environment at_end = {{std::string(kSpent), fmt::format("{:.6f}", to_s(summary_.elapsed))}};
+    at_end.merge(awake_facts(plan_, awake_w_));
     if (!summary_.interrupted) {
       at_end.merge(end_environment(counters_, read_host_counters({})));
-      at_end.merge(awake_facts(plan_, awake_w_));
     }
     if (summary_.complete()) {
       writer_.finish_run(summary_.run_id, utc_now(), at_end);
     } else {
       writer_.write_facts(summary_.run_id, at_end);
     }
+  }
+
+  [[nodiscard]] std::size_t index_of(const std::string& unit) const {
+    const auto found = std::ranges::find(plan_.units, unit, &UnitRecord::unit);
+    return static_cast<std::size_t>(found - plan_.units.begin());
+  }
+
+  /// Figures of another device are none of this run's.
+  void check_device(const std::string& unit, const JobResult& result) const {
+    if (!result.device) return;
+    const std::string other = other_device(plan_.devices.at(index_of(unit)), *result.device);
+    if (other.empty()) return;
+    throw_environment(fmt::format(
+        "unit {} has {} since run {} began; what was measured before is kept: put it back and go "
+        "on with --resume, or start a new run",
+        unit, other, summary_.run_id));
   }
 
   /// The limits of each unit.
@@ -186,6 +203,7 @@ class Campaign {
       summary_.interrupted = stopped();
       return;
     }
+    check_device(name, *result);
     auto& known = peaks_[name];
     known =
         faster_peaks(known, peak_records(name, result->peaks, result->error, result->provenance));
@@ -195,7 +213,9 @@ class Campaign {
   /// A cell above its roof shows that a peak was measured too low, in a busy spell perhaps: it is
   /// measured once more, and if it is still exceeded, it is stored as not valid.
   void judge_peaks() {
-    if (summary_.interrupted || summary_.cells + summary_.cells_begun == 0) return;
+    const bool any = summary_.cells + summary_.cells_begun > 0 ||
+                     (options_.resumed && !options_.resumed->done.empty());
+    if (summary_.interrupted || !any) return;
     const auto exceeded = [&] {
       const RunRange own{summary_.run_id, summary_.run_id};
       return exceeded_peaks(rooflines(load_profile(options_.database, options_.platform.name, own)),
@@ -208,9 +228,7 @@ class Campaign {
       if (!summary_.interrupted) measure_peaks_of(unit);
     }
     for (const PeakRow& peak : exceeded()) {
-      const PeakRecord record{peak.unit,    peak.kind,       peak.per_second,
-                              peak.variant, peak.provenance, peak.reasons};
-      writer_.write_peaks(summary_.run_id, {&record, 1});
+      writer_.write_peaks(summary_.run_id, peaks_of(peak.unit, {peak}));
       if (!sink_.warning) continue;
       sink_.warning(fmt::format("{}: the {} peak is not valid: {}", peak.unit, to_string(peak.kind),
                                 join(peak.reasons, ", ")));
@@ -313,8 +331,7 @@ class Campaign {
   [[nodiscard]] Nanos end_of_precision() const {
     Nanos metering{0};
     for (const Cell& cell : cells_) {
-      const auto meter = plan_.meters.find(cell.planned->unit);
-      if (!cell.stored && meter != plan_.meters.end()) metering += metering_time(meter->second);
+      if (!cell.stored) metering += metering_time(plan_, cell.planned->unit);
     }
     return std::min(plan_.precision_time, end_of_cells() - metering);
   }
@@ -339,6 +356,7 @@ class Campaign {
     auto result = cell.measurement->visit();
     is_first_visit_ = false;
     if (!result) return false;
+    check_device(cell.planned->unit, *result);
     cell.last_visit = clock_.now() - begin;
     writer_.write_visit(
         summary_.run_id, name_of(cell),
@@ -355,7 +373,10 @@ class Campaign {
   /// Reads the energy meters first. @return False if the time is over, or somebody stopped it; then
   /// nothing was stored.
   bool complete(Cell& cell) {
-    if (cell.measurement->metering_due() && !cell.measurement->meter()) return false;
+    if (cell.measurement->metering_due()) {
+      if (!cell.measurement->meter()) return false;
+      check_device(cell.planned->unit, cell.measurement->metered().value());
+    }
     if (const auto idle_w = cell.measurement->idle_w()) {
       awake_w_[cell.planned->unit].push_back(*idle_w);
     }
@@ -420,14 +441,12 @@ class Campaign {
 
   CellRequest request_for(const PlannedCell& planned) {
     const UnitModel& unit = options_.platform.unit(planned.unit);
-    const auto at =
-        std::ranges::find(plan_.units, planned.unit, &UnitRecord::unit) - plan_.units.begin();
     return {options_.platform,
             unit,
             find_backend(unit.backend),
             *planned.workload,
             job_for(planned, unit),
-            plan_.provenances.at(static_cast<std::size_t>(at)),
+            plan_.provenances.at(index_of(planned.unit)),
             needed_processes(options_) / 2,
             options_.precision,
             scratch_.path(),
@@ -465,7 +484,8 @@ class Campaign {
     request.on_step("reference");
     Job job = request.job;
     job.kind = JobKind::kReference;
-    const auto result = runner_.run(job);
+    auto result = runner_.run(job);
+    if (result && !result->error.empty()) result = runner_.run(job);  // as a process of a cell
     if (!result) return std::nullopt;
     // Of somebody else's it may be what this unit computes: another one may do better.
     if (!result->error.empty() && own_operation(request.workload) != nullptr) return result->error;

@@ -25,6 +25,7 @@
 #include "characterize/profile/profile.h"
 #include "characterize/profile/records.h"
 #include "characterize/profile/store/reader.h"
+#include "workloads/model/backend.h"
 #include "workloads/model/workload.h"
 
 namespace pirt {
@@ -103,6 +104,7 @@ struct CampaignPlan {
   std::vector<UnitRecord>
       units;  ///< Those with cells, in platform order, with the device that each got.
   std::vector<Provenance> provenances;         ///< Of each of `units`.
+  std::vector<DeviceInfo> devices;             ///< Of each of `units`, as it was asked.
   std::map<std::string, MeterRequest> meters;  ///< By unit; those without one are modelled.
   /// Where a unit is not what the platform asks for; why its energy is modelled, or from another
   /// meter.
@@ -175,8 +177,8 @@ struct CampaignSummary {
 
 /// Appends one run to the database, which is made if there is none, or goes on with one.
 /// @throws Error as ProfileWriter; Error{kBadInput} if the machine is not the one that the run was
-/// begun on; Error{kEnvironment} if no worker can be started or scratch space
-/// cannot be made.
+/// begun on; Error{kEnvironment} if no worker can be started, scratch space cannot be made, or a
+/// unit's device is not the plan's any more: what was measured before is kept.
 CampaignSummary run_campaign(const CampaignOptions& options, const CampaignPlan& plan,
                              const ProgressSink& sink = {});
 

@@ -9,7 +9,10 @@
 namespace pirt {
 namespace {
 
-constexpr int kWindowsACell = 3 * kMeteredRepeats;  // idle, calls, idle
+constexpr int kWindowsARepeat = 3;  // idle, calls, idle
+// Of a counter that steps: what finds how long one lasts, and where each window begins and ends.
+constexpr int kStepsARepeat = 9 + 2 * kWindowsARepeat;
+constexpr Nanos kBoard = std::chrono::seconds(2);  // opening and preparing one with such a counter
 
 MeterRequest request_for(const std::vector<const Meter*>& meters,
                          const std::filesystem::path& sysfs) {
@@ -18,7 +21,8 @@ MeterRequest request_for(const std::vector<const Meter*>& meters,
   request.source = source_of(meters);
   request.domain = domain_of(meters);
   request.sysfs = std::filesystem::absolute(sysfs).string();
-  request.window = metering_window(meters, request.window);
+  request.step = step_of(meters, MachineClock());
+  request.window = metering_window(meters, request.window, request.step);
   return request;
 }
 
@@ -29,10 +33,13 @@ void plan_meters(const CampaignOptions& options, CampaignPlan& plan) {
   for (std::size_t i = 0; i < plan.units.size(); ++i) {
     const UnitRecord& unit = plan.units[i];
     const auto pci = plan.facts.find("unit." + unit.unit + ".pci");
-    const MeterUser user{.unit = options.platform.unit(unit.unit),
-                         .device_is_cpu = unit.device_is_cpu,
-                         .simulated = plan.provenances[i] != Provenance::kMeasured,
-                         .pci = pci == plan.facts.end() ? "" : pci->second};
+    const UnitModel& model = options.platform.unit(unit.unit);
+    const MeterUser user{
+        .unit = model,
+        .device_is_cpu = unit.device_is_cpu,
+        .simulated = plan.provenances[i] != Provenance::kMeasured,
+        .pci = pci == plan.facts.end() ? "" : pci->second,
+        .has_model = options.platform.states_power(on_device(model, unit.device_is_cpu))};
     const MeterChoice choice = choose_meters(found, user, options.sysfs);
     if (!choice.remark.empty()) plan.remarks.push_back(choice.remark);
     const std::string fact = "meter." + unit.unit;
@@ -46,14 +53,17 @@ void plan_meters(const CampaignOptions& options, CampaignPlan& plan) {
   }
 }
 
-Nanos metering_time(const MeterRequest& meter) { return kWindowsACell * meter.window; }
+Nanos metering_time(const CampaignPlan& plan, const std::string& unit) {
+  const auto found = plan.meters.find(unit);
+  if (found == plan.meters.end()) return Nanos(0);
+  const MeterRequest& meter = found->second;
+  const Nanos repeat = kWindowsARepeat * meter.window + kStepsARepeat * meter.step;
+  return kMeteredRepeats * repeat + (meter.step.count() > 0 ? kBoard : Nanos(0));
+}
 
 Nanos metering_time(const CampaignPlan& plan) {
   Nanos time{0};
-  for (const PlannedCell& cell : plan.cells) {
-    const auto meter = plan.meters.find(cell.unit);
-    if (meter != plan.meters.end()) time += metering_time(meter->second);
-  }
+  for (const PlannedCell& cell : plan.cells) time += metering_time(plan, cell.unit);
   return time;
 }
 

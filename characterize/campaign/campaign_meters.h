@@ -10,8 +10,9 @@ namespace pirt {
 /// @throws Error as choose_meters.
 void plan_meters(const CampaignOptions& options, CampaignPlan& plan);
 
-/// What metering adds to the campaign: three windows a cell (metered_calls.h).
-[[nodiscard]] Nanos metering_time(const MeterRequest& meter);
+/// What metering adds to the campaign, of a cell of @p unit and of all: repeats of three windows
+/// (metered_calls.h), beside what a board's process takes.
+[[nodiscard]] Nanos metering_time(const CampaignPlan& plan, const std::string& unit);
 [[nodiscard]] Nanos metering_time(const CampaignPlan& plan);
 
 /// The machine's power before the first cell, while no device is open, by each unit's meter:

@@ -26,6 +26,7 @@ void add_unit(const UnitModel& unit, const JobResult& probed, CampaignPlan& plan
   const DeviceInfo& device = probed.device.value();
   plan.units.push_back(unit_record(unit, device));
   plan.provenances.push_back(probed.provenance);
+  plan.devices.push_back(device);
   plan.facts.merge(unit_facts(unit, device));
   if (!device.remark.empty()) plan.remarks.push_back(unit.name + ": " + device.remark);
 }
@@ -100,7 +101,7 @@ void plan_time(const CampaignOptions& options, CampaignPlan& plan) {
     throw_bad_input(fmt::format(
         "run {} has spent its time ({:.3g} s of {:.3g} s); give more in all, e.g. --max-time {}min",
         options.resumed->run.run_id, to_s(plan.spent), to_s(plan.max_time),
-        std::chrono::ceil<std::chrono::minutes>(2 * plan.max_time).count()));
+        std::chrono::ceil<std::chrono::minutes>(2 * std::max(plan.max_time, plan.spent)).count()));
   }
   plan.estimate = estimate(options, plan);
 }

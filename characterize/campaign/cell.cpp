@@ -265,7 +265,7 @@ std::optional<double> CellMeasurement::taken(const CellSamples& calls) const {
   for (std::size_t i = 0; i < wall.size(); ++i) {
     if (wall[i] <= Nanos::zero()) return std::nullopt;
     const double idle = 1 - to_s(cpu[i]) / to_s(wall[i]) / static_cast<double>(cores);
-    shares.push_back(calls.others[i] > 0 ? std::min(idle, calls.others[i]) : idle);
+    shares.push_back(std::min(idle, calls.others[i].value_or(idle)));
   }
   return std::clamp(median_of(shares), 0.0, 1.0);
 }
@@ -579,6 +579,7 @@ CellRecord failed_cell(const CellRequest& request, const std::string& error) {
   JobResult failure;
   failure.error = error;
   cell.taken_.push_back({State::kCold, std::move(failure)});
+  cell.failures_ = 2;  // the reference's processes
   return cell.record();
 }
 

@@ -95,6 +95,8 @@ class CellMeasurement {
   [[nodiscard]] bool metering_due() const;
   /// Reads the meters, in a process of its own. @return False if the runner was stopped.
   [[nodiscard]] bool meter();
+  /// What meter() found; absent before it.
+  [[nodiscard]] const std::optional<JobResult>& metered() const { return metered_; }
   /// Of the open device before the calls that were metered; absent where no meter showed it.
   [[nodiscard]] std::optional<double> idle_w() const;
   [[nodiscard]] CellRecord record() const;

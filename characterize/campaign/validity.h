@@ -24,8 +24,8 @@ struct CellSamples {
   Phase phase = Phase::kCall;
   std::vector<Nanos> samples = {};
   std::vector<std::int32_t> processes = {};  ///< Which process took each, from 0 in order of time.
-  std::vector<Nanos> cpu = {};      ///< Processor time of each one's call; empty = not known.
-  std::vector<double> others = {};  ///< By process: Interference::others.
+  std::vector<Nanos> cpu = {};  ///< Processor time of each one's call; empty = not known.
+  std::vector<std::optional<double>> others = {};  ///< By process: Interference::others.
   std::int64_t batch = 1;  ///< Calls between two readings of the clock: the fewest of any process.
   std::int64_t odd_stamps = 0;  ///< PhaseSamples::odd_stamps, of all processes.
 

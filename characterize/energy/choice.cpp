@@ -98,8 +98,7 @@ MeterChoice choose_meters(const MeterDiscovery& found, const MeterUser& user,
     }
     problems.push_back(problem);
   }
-  const bool has_model = on_device(user.unit, user.device_is_cpu).active_w >= user.unit.active_w;
-  const std::string without = has_model ? "modelled" : "not known";
+  const std::string without = user.has_model ? "modelled" : "not known";
   if (!problems.empty()) {
     const std::string instead =
         choice.meters.empty() ? without : "read from " + choice.meters.front()->info().name;
@@ -111,11 +110,13 @@ MeterChoice choose_meters(const MeterDiscovery& found, const MeterUser& user,
         "sum "
         "of them, with --set {}.meter=NAME",
         user.unit.name, without, join(found.names(), ", "), user.unit.name);
-  } else if (choice.meters.empty() && !has_model) {
+  } else if (choice.meters.empty() && !user.has_model && !user.device_is_cpu) {
     choice.remark = fmt::format(
-        "energy of unit {} is not known: its device has no meter, and the platform's watts are of "
-        "the host's cores; give it with --set {}.active_w=W",
-        user.unit.name, user.unit.name);
+        "energy of unit {} is not known: its device has no meter{}; give it with --set "
+        "{}.active_w=W",
+        user.unit.name,
+        user.unit.watts_of_host_cores ? ", and the platform's watts are of the host's cores" : "",
+        user.unit.name);
   }
   const auto is_guess = [&](const Meter* meter) {
     return !meter->info().pci.empty() && meter->info().pci != user.pci;

@@ -16,6 +16,7 @@ struct MeterUser {
   bool device_is_cpu = false;  ///< It computes on the host's own cores.
   bool simulated = false;      ///< It computes nothing, and meters show somebody else's energy.
   std::string pci = {};        ///< The board that it is, as MeterInfo::pci; empty = not known.
+  bool has_model = true;       ///< The platform states what it draws: Platform::states_power.
 };
 
 struct MeterChoice {

@@ -9,8 +9,10 @@
 #include <cmath>
 
 #include "characterize/energy/model.h"
+#include "characterize/platform/elsewhere.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {
@@ -186,6 +188,19 @@ std::vector<std::optional<double>> standard_errors(const ScaledProblem& problem,
   return errors;
 }
 
+/// What of a mean call draws active_w, as model_energy has it.
+double drawing_s(const Profile& profile, const UnitModel& unit, const PhaseRow& call) {
+  const auto mean_s = [](const PhaseRow& row) { return to_s(row.mean.value_or(*row.median)); };
+  if (!is_elsewhere(unit)) return mean_s(call);
+  double sum_s = 0;
+  for (const PhaseRow& row : profile.phases) {
+    const bool draws = row.workload == call.workload && row.unit == call.unit &&
+                       row.run_id == call.run_id && draws_in(unit, row.phase);
+    if (draws && row.median) sum_s += mean_s(row);
+  }
+  return sum_s;
+}
+
 }  // namespace
 
 std::string_view to_string(EnergyParameter parameter) {
@@ -264,16 +279,21 @@ EnergyFit fit_energy_parameters(std::span<const FitCell> cells, std::vector<std:
   }
 }
 
-std::vector<FitCell> fit_cells(const Profile& profile, std::string_view unit) {
+std::vector<FitCell> fit_cells(const Profile& profile, const Platform& platform,
+                               const UnitModel& unit) {
   std::vector<FitCell> cells;
   for (const EnergyRow& energy : profile.energies) {
     if (energy.run_id != profile.runs.front().run_id) continue;
-    if (energy.unit != unit || energy.provenance != Provenance::kMeasured || !is_valid(energy))
+    if (energy.unit != unit.name || energy.provenance != Provenance::kMeasured || !is_used(energy))
       continue;
-    const PhaseRow* call = profile.find(energy.workload, unit, Phase::kCall);
-    if (call == nullptr || !is_valid(*call) || call->run_id != energy.run_id) continue;
-    cells.push_back({energy.workload, to_s(call->mean.value_or(*call->median)), call->ops,
-                     call->bytes, energy.energy_j.value()});
+    const PhaseRow* call = profile.find(energy.workload, unit.name, Phase::kCall);
+    if (call == nullptr || !is_used(*call) || call->run_id != energy.run_id) continue;
+    const Workload* const workload = try_find_workload(energy.workload);
+    const double stated = workload != nullptr ? stated_j(platform, unit, *workload) : 0;
+    const double own_j = energy.energy_j.value() - stated;
+    if (own_j <= 0) continue;
+    cells.push_back(
+        {energy.workload, drawing_s(profile, unit, *call), call->ops, call->bytes, own_j});
   }
   return cells;
 }

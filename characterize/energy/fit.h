@@ -11,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "characterize/platform/platform.h"
 #include "characterize/profile/profile.h"
 
 namespace pirt {
@@ -31,10 +32,10 @@ enum class EnergyParameter : std::uint8_t {
 /// What was measured of one workload on the unit.
 struct FitCell {
   std::string workload;
-  double seconds = 0;               ///< A call, the mean: as its joules are.
+  double seconds = 0;               ///< What of a mean call draws active_w.
   std::optional<std::int64_t> ops;  ///< Absent where they depend on the data.
   std::int64_t bytes = 0;
-  double energy_j = 0;  ///< A call, idle subtracted; above 0.
+  double energy_j = 0;  ///< A call, without idle and stated_j (model.h); above 0.
 };
 
 struct FittedParameter {
@@ -74,7 +75,9 @@ struct EnergyFit {
 [[nodiscard]] EnergyFit fit_energy_parameters(std::span<const FitCell> cells,
                                               std::vector<std::string>& dropped);
 
-/// The valid metered rows of a unit in the newest run, with the times and sizes of that run.
-[[nodiscard]] std::vector<FitCell> fit_cells(const Profile& profile, std::string_view unit);
+/// The metered rows of a unit in the newest run that are used, with the times and sizes of that
+/// run.
+[[nodiscard]] std::vector<FitCell> fit_cells(const Profile& profile, const Platform& platform,
+                                             const UnitModel& unit);
 
 }  // namespace pirt

@@ -7,23 +7,6 @@
 namespace pirt {
 namespace {
 
-std::optional<std::string> fact(const RunInfo& run, const std::string& key) {
-  const auto it = run.environment.find(key);
-  if (it == run.environment.end()) return std::nullopt;
-  return it->second;
-}
-
-/// Units that share a meter share its idle power, so that the platform's sum is what was measured.
-std::optional<double> idle_share_w(const RunInfo& run, const std::string& unit,
-                                   const std::string& meter) {
-  const auto idle_w = run.figure("meter." + unit + ".idle_w");
-  if (!idle_w) return std::nullopt;
-  const auto sharing = std::ranges::count_if(run.units, [&](const UnitRecord& other) {
-    return fact(run, "meter." + other.unit) == meter;
-  });
-  return *idle_w / static_cast<double>(std::max<std::ptrdiff_t>(1, sharing));
-}
-
 double value_of(const EnergyFit& fit, EnergyParameter parameter) {
   const auto it = std::ranges::find(fit.parameters, parameter, &FittedParameter::parameter);
   return it == fit.parameters.end() ? 0 : it->value;
@@ -31,21 +14,22 @@ double value_of(const EnergyFit& fit, EnergyParameter parameter) {
 
 }  // namespace
 
-std::vector<UnitFit> fit_units(const Profile& profile,
+std::vector<UnitFit> fit_units(const Profile& profile, const Platform& platform,
                                std::span<const EnergyParameter> parameters) {
   std::vector<UnitFit> fits;
   const RunInfo& run = profile.runs.front();
   for (const UnitRecord& unit : run.units) {
-    const auto meter = fact(run, "meter." + unit.unit);
-    if (!meter) continue;
+    const auto meter = run.environment.find("meter." + unit.unit);
+    if (meter == run.environment.end()) continue;
     UnitFit result;
     result.unit = unit.unit;
-    result.meter = *meter;
+    result.meter = meter->second;
     result.run = fmt::format("run {} of {}", run.run_id, run.started);
-    result.idle_w = idle_share_w(run, unit.unit, *meter);
-    const auto awake_w = run.figure("meter." + unit.unit + ".awake_w");
-    if (result.idle_w && awake_w) result.held_w = std::max(0.0, *awake_w - *result.idle_w);
-    const auto cells = fit_cells(profile, unit.unit);
+    if (const auto standing = standing_power(run, unit.unit)) {
+      result.idle_w = standing->idle_w;
+      result.held_w = standing->held_w;
+    }
+    const auto cells = fit_cells(profile, platform, platform.unit(unit.unit));
     result.fit = parameters.empty() ? fit_energy_parameters(cells, result.dropped)
                                     : fit_energy(cells, parameters);
     fits.push_back(std::move(result));

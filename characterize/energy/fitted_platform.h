@@ -17,14 +17,14 @@ struct UnitFit {
   std::string meter;  ///< "rapl: package-0 (package)"
   std::string run;    ///< "run 3 of 2026-11-21T04:43:05Z"
   EnergyFit fit;
-  std::vector<std::string> dropped;   ///< Parameters that were left out, and why.
-  std::optional<double> idle_w;       ///< The meter's idle power over the units that share it.
-  std::optional<double> held_w = {};  ///< Of a GPU: what it draws more while it is open.
+  std::vector<std::string> dropped;           ///< Parameters that were left out, and why.
+  std::optional<double> idle_w, held_w = {};  ///< StandingPower
 };
 
 /// One entry for each unit of the newest run that had a meter.
+/// @param platform    That the run measured.
 /// @param parameters  Exactly these; empty = as many as each unit's cells can tell apart.
-[[nodiscard]] std::vector<UnitFit> fit_units(const Profile& profile,
+[[nodiscard]] std::vector<UnitFit> fit_units(const Profile& profile, const Platform& platform,
                                              std::span<const EnergyParameter> parameters);
 
 /// The settings of the units that were fitted: active_w, idle_w, and `energy` with provenance

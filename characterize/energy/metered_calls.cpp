@@ -18,7 +18,6 @@ constexpr int kPeriodsAWindow = 5;
 constexpr double kUnstableShare = 0.20;  // as for times, validity.cpp
 constexpr double kStepShare = 0.05;
 constexpr double kMargin = 1.1;  // the power so far is known to a step, a part of 20 by then
-constexpr Nanos kLongestWindow = std::chrono::seconds(20);  // of a process of 120 s
 // A board that was used a moment ago keeps its clocks for seconds: at rest once so many windows
 // in a row draw no less than the one before them, or after so many in all.
 constexpr int kRestWindows = 5;
@@ -85,16 +84,6 @@ std::optional<double> needed_s(double active_w, double idle_w, Nanos step) {
   return active_w * to_s(step) / (kStepShare * (active_w - idle_w));
 }
 
-/// The longest of the meters' steps; 0 if none has any, or shows it.
-Nanos step_of(std::span<const Meter* const> meters, const Clock& clock) {
-  Nanos longest{0};
-  for (const Meter* meter : meters) {
-    if (!meter->info().steps) continue;
-    longest = std::max(longest, update_period(*meter, clock).value_or(Nanos(0)));
-  }
-  return longest;
-}
-
 /// @param step  0 = the meters have none.
 void judge(MeteredCalls& metered, Nanos step) {
   if (!metered.reasons.empty()) return;
@@ -131,8 +120,17 @@ std::optional<double> MeteredCalls::call_j() const {
   return net_j / static_cast<double>(calls);
 }
 
-Nanos metering_window(std::span<const Meter* const> meters, Nanos wished) {
-  Nanos window = wished;
+Nanos step_of(std::span<const Meter* const> meters, const Clock& clock) {
+  Nanos longest{0};
+  for (const Meter* meter : meters) {
+    if (!meter->info().steps) continue;
+    longest = std::max(longest, update_period(*meter, clock).value_or(Nanos(0)));
+  }
+  return longest;
+}
+
+Nanos metering_window(std::span<const Meter* const> meters, Nanos wished, Nanos step) {
+  Nanos window = std::max(wished, kPeriodsAWindow * step);
   for (const Meter* meter : meters) {
     if (meter->info().kind != MeterKind::kPower) continue;
     window = std::max(window, kPeriodsAWindow * meter->info().period);
@@ -146,7 +144,7 @@ MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& cloc
   metered.source = source_of(meters);
   metered.domain = domain_of(meters);
   const Nanos step = step_of(meters, clock);
-  window = std::max(window, kPeriodsAWindow * step);
+  window = metering_window(meters, window, step);
   if (step.count() > 0) metered.source += fmt::format("; a step each {:.3g} ms", to_ms(step));
   const Sum before = idle(meters, clock, window);
   if (!before.energy_j) {

@@ -24,6 +24,7 @@ struct MeterRequest {
   std::string source, domain;  ///< As source_of and domain_of had them, for rows without a reading.
   std::string sysfs = "/sys";
   Nanos window = std::chrono::milliseconds(500);  ///< For metering_window.
+  Nanos step{0};  ///< step_of() when it was planned, for metering_time (campaign_meters.h).
 };
 
 /// What the readings said; crosses the pipe between worker and coordinator.
@@ -41,9 +42,13 @@ struct MeteredCalls {
   [[nodiscard]] std::optional<double> call_j() const;
 };
 
-/// How long each of the three windows has to be: @p wished, and at least 5 periods of the slowest
-/// power sensor.
-[[nodiscard]] Nanos metering_window(std::span<const Meter* const> meters, Nanos wished);
+/// How long one value of the slowest counter that steps lasts; 0 if none steps, or shows it.
+[[nodiscard]] Nanos step_of(std::span<const Meter* const> meters, const Clock& clock);
+
+/// How long each of the three windows has to be: @p wished, and at least 5 of @p step and 5 periods
+/// of the slowest power sensor.
+[[nodiscard]] Nanos metering_window(std::span<const Meter* const> meters, Nanos wished,
+                                    Nanos step = Nanos(0));
 
 /// Joules and seconds of the same calls.
 ///
@@ -61,6 +66,9 @@ struct MeteredCalls {
 
 /// How often calls are metered, so that their joules have an interval.
 inline constexpr int kMeteredRepeats = 3;
+/// Calls go on for so long at most, of a process of 120 s: where a step is too large a part of what
+/// they draw, and repeats of them together.
+inline constexpr Nanos kLongestWindow = std::chrono::seconds(20);
 /// All of them as one: sums, means of the idle power, and what is held against any of them.
 /// @param repeats  Not empty.
 [[nodiscard]] MeteredCalls joined_repeats(std::span<const MeteredCalls> repeats);

@@ -18,7 +18,6 @@ double stated_call_j(const Platform& platform, const UnitModel& unit, const std:
   return joules == model->second.call_j.end() ? 0 : joules->second;
 }
 
-/// Inputs and outputs, lists as if they were full, over the unit's link.
 double link_j(const Platform& platform, const UnitModel& unit, const Workload& workload) {
   const auto link = platform.links.find(unit.link);
   if (link == platform.links.end()) return 0;
@@ -62,6 +61,10 @@ std::string remark(const Platform& platform, const UnitModel& unit) {
 
 }  // namespace
 
+double stated_j(const Platform& platform, const UnitModel& unit, const Workload& workload) {
+  return stated_call_j(platform, unit, workload.name) + link_j(platform, unit, workload);
+}
+
 EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const Workload& workload,
                           const PhaseRecord& call, const std::optional<CallWork>& work,
                           std::span<const PhaseRecord> phases) {
@@ -72,7 +75,7 @@ EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const
   result.provenance = weakest(unit.energy_provenance, call.provenance);
   result.reasons = call.reasons;
   result.doubts = call.doubts;
-  double energy_j = call_j;
+  double energy_j = stated_j(platform, unit, workload) + unit.call_j;
   double timed_j = 0;  // of it, what goes with the time of the call
   if (unit.active_w > 0) {
     terms.push_back(fmt::format("active_w {} W x mean {}", unit.active_w,
@@ -90,10 +93,9 @@ EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const
     energy_j += unit.byte_pj * kPico * static_cast<double>(bytes);
   }
   if (call_j > 0) terms.push_back(fmt::format("call_j {} J", call_j));
-  if (const double sent_j = link_j(platform, unit, workload); sent_j > 0) {
+  if (link_j(platform, unit, workload) > 0) {
     terms.push_back(fmt::format("link {} active_w {} W x transfer", unit.link,
                                 platform.links.at(unit.link).active_w));
-    energy_j += sent_j;
   }
 
   if (terms.empty()) {

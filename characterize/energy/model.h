@@ -14,6 +14,11 @@ namespace pirt {
 
 inline constexpr double kPico = 1e-12;
 
+/// What the platform states of a call beside the unit's own figures: the workload's call_j, and the
+/// link's joules for inputs and outputs, lists as if they were full.
+[[nodiscard]] double stated_j(const Platform& platform, const UnitModel& unit,
+                              const Workload& workload);
+
 /// active_w * mean call + op_pj * operations + byte_pj * bytes + call_j + the link's active_w * the
 /// time that inputs and outputs take over it, with the terms that the platform gives: what the call
 /// adds to the idle power. The mean, since joules of calls add up: a robot that makes n calls uses

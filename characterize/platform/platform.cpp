@@ -1,17 +1,19 @@
 // Finding platforms: shipped ones are embedded in the binary, others are files.
 #include "characterize/platform/platform.h"
 
-#include <sched.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <numeric>
+#include <set>
 #include <thread>
+#include <utility>
 
 #include "characterize/platform/platform_file.h"
 #include "platform_files.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/affinity.h"
 #include "workloads/base/system/cores.h"
 #include "workloads/base/text/text.h"
 
@@ -30,13 +32,15 @@ Platform read(const std::string& file, const std::string& text,
   for (const YamlOverride& each : overrides) {
     const auto dot = each.path.find('.');
     const std::string key = each.path.substr(dot + 1);
-    const bool active = key == "active_w" || key.starts_with("energy");
-    const bool idle = key == "idle_w" || key == "held_w";
-    platform.watts_set = platform.watts_set || active || idle;
     const auto unit = std::ranges::find(platform.units, each.path.substr(0, dot), &UnitModel::name);
-    if (unit == platform.units.end()) continue;
-    unit->active_set = unit->active_set || active;
-    unit->idle_set = unit->idle_set || idle;
+    for (const auto& [begin, is_set] : {std::pair{"active_w", &UnitModel::active_set},
+                                        {"energy", &UnitModel::energy_set},
+                                        {"idle_w", &UnitModel::idle_set},
+                                        {"held_w", &UnitModel::held_set}}) {
+      if (!key.starts_with(begin)) continue;
+      platform.watts_set = true;
+      if (unit != platform.units.end()) (*unit).*is_set = true;
+    }
   }
   return platform;
 }
@@ -93,8 +97,10 @@ bool Platform::states_power(const UnitModel& unit) const {
 UnitModel on_device(UnitModel unit, bool device_is_cpu) {
   const bool fitted = unit.energy_provenance == Provenance::kFitted;
   if (!unit.watts_of_host_cores || device_is_cpu || fitted) return unit;
-  if (!unit.active_set) unit.active_w = unit.op_pj = unit.byte_pj = unit.call_j = 0;
-  if (!unit.idle_set) unit.idle_w = unit.held_w = 0;
+  if (!unit.active_set) unit.active_w = 0;
+  if (!unit.energy_set) unit.op_pj = unit.byte_pj = unit.call_j = 0;
+  if (!unit.idle_set) unit.idle_w = 0;
+  if (!unit.held_set) unit.held_w = 0;
   return unit;
 }
 
@@ -144,21 +150,13 @@ std::vector<std::string> shipped_platforms() {
 }
 
 std::vector<int> usable_cores() {
-  std::vector<int> cores;
-  // Machines with more cores than a mask of this size are refused by the kernel with EINVAL, so
-  // that it grows. A robot's thread may be bound to a core of its own: that is no limit of ours.
-  for (std::size_t count = 1024; cores.empty() && count <= 65536; count *= 4) {
-    const auto size_bytes = CPU_ALLOC_SIZE(count);
-    std::vector<cpu_set_t> own(size_bytes / sizeof(cpu_set_t) + 1), first = own;
-    if (sched_getaffinity(0, size_bytes, own.data()) != 0) continue;
-    static_cast<void>(sched_getaffinity(::getpid(), size_bytes, first.data()));
-    for (std::size_t core = 0; core < count; ++core) {
-      if (CPU_ISSET_S(core, size_bytes, own.data()) ||
-          CPU_ISSET_S(core, size_bytes, first.data())) {
-        cores.push_back(static_cast<int>(core));
-      }
-    }
+  // A robot's thread may be bound to a core of its own: that is no limit of ours.
+  std::set<int> found;
+  for (const pid_t thread : {0, ::getpid()}) {
+    const auto cores = cores_of_thread(thread);
+    found.insert(cores.begin(), cores.end());
   }
+  std::vector<int> cores(found.begin(), found.end());
   if (cores.empty()) {
     cores.resize(std::max(1U, std::thread::hardware_concurrency()));
     std::iota(cores.begin(), cores.end(), 0);

@@ -72,10 +72,11 @@ struct UnitModel {
   double idle_w = 0;                 ///< Whether a run uses it or not.
   double held_w = 0;                 ///< Besides, while a run holds its device open.
   bool watts_of_host_cores = false;  ///< Of another device these figures say nothing; on_device.
-  bool active_set = false, idle_set = false;  ///< By the user: they are of whatever it has.
-  double op_pj = 0;                           ///< Additional energy per operation of the workload.
-  double byte_pj = 0;                         ///< Additional energy per byte of the workload.
-  double call_j = 0;  ///< Additional energy per call, whatever the workload.
+  /// Which of these and of `energy` the user set: they are of whatever device it has.
+  bool active_set = false, energy_set = false, idle_set = false, held_set = false;
+  double op_pj = 0;    ///< Additional energy per operation of the workload.
+  double byte_pj = 0;  ///< Additional energy per byte of the workload.
+  double call_j = 0;   ///< Additional energy per call, whatever the workload.
   Provenance energy_provenance = Provenance::kModelled;  ///< Of these figures and active_w.
   std::string energy_source;  ///< Where they come from; empty = the platform's assumptions.
   std::string link;  ///< Name of the link that inputs and outputs travel over; empty = none.

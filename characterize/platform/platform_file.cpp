@@ -2,6 +2,8 @@
 // the scheduler's business.
 #include "characterize/platform/platform_file.h"
 
+#include <yaml-cpp/yaml.h>
+
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -45,14 +47,6 @@ std::string checked_name(const YamlNode& node, const std::string& name) {
   return name;
 }
 
-std::string one_of(const YamlNode& node, const std::vector<std::string>& known) {
-  std::string text = node.text();
-  if (std::ranges::find(known, text) == known.end()) {
-    node.fail("'" + text + "' is not one of " + join(known, ", ") + suggestion(text, known));
-  }
-  return text;
-}
-
 std::string text_or_empty(const YamlNode& node, std::string_view key) {
   return node.has(key) ? node.at(key).text() : "";
 }
@@ -66,17 +60,9 @@ double number_or_zero(const YamlNode& node, std::string_view key, double high) {
 }
 
 Distribution read_distribution(const YamlNode& node) {
-  if (!node.is_map()) {
-    const Nanos value = node.milliseconds(0);
-    return {.kind = Distribution::Kind::kConstant, .low = value, .high = value};
-  }
-  node.check_keys({"uniform"});
-  const auto bounds = node.at("uniform").items();
-  if (bounds.size() != 2) node.at("uniform").fail("must be [low, high]");
-  const Nanos low = bounds[0].milliseconds(0);
-  const Nanos high = bounds[1].milliseconds(0);
-  if (low > high) node.at("uniform").fail("low must not be above high");
-  return {.kind = Distribution::Kind::kUniform, .low = low, .high = high};
+  const auto [low, high] = node.time_range();
+  using Kind = Distribution::Kind;
+  return {.kind = node.is_map() ? Kind::kUniform : Kind::kConstant, .low = low, .high = high};
 }
 
 /// Whether read_distribution is meant, and no list of stages.
@@ -87,7 +73,7 @@ bool is_time(const YamlNode& node) {
 using Machine = std::span<const PhysicalCore>;
 
 std::vector<int> read_cores(const YamlNode& node, Machine machine) {
-  if (!node.is_sequence()) return cores_of_part(one_of(node, core_parts()), machine);
+  if (!node.is_sequence()) return cores_of_part(node.one_of(core_parts()), machine);
   std::vector<int> cores;
   for (const auto& item : node.items()) {
     const int core = static_cast<int>(item.integer(0, 65535));
@@ -98,12 +84,24 @@ std::vector<int> read_cores(const YamlNode& node, Machine machine) {
   return cores;
 }
 
-/// The backend reads it again when it opens the unit; only here are file and line known.
+bool is_workload(const std::string& name) { return is_foreign(name) || try_find_spec(name); }
+
+void check_workload(const YamlNode& node, const std::string& name) {
+  if (is_workload(name)) return;
+  node.fail("there is no workload '" + name + "'" + suggestion(name, workload_names()));
+}
+
+/// The backend reads it again when it opens the unit; only here are file, line and catalog known.
 void check_fake_script(const YamlNode& script) {
-  try {
-    static_cast<void>(fake::read_script(script.raw()));
-  } catch (const fake::ScriptError& error) {
-    script.fail_at(error.node(), error.what());
+  static_cast<void>(fake::read_script(script));
+  for (const std::string& key : script.keys()) {
+    if (!fake::names_workloads(key)) continue;
+    const YamlNode named = script.at(key);
+    if (named.is_map()) {
+      for (const std::string& name : named.keys()) check_workload(named.at(name), name);
+    } else {
+      for (const YamlNode& item : named.items()) check_workload(item, item.text());
+    }
   }
 }
 
@@ -151,10 +149,7 @@ std::map<std::string, std::vector<std::string>> read_programs(const YamlNode& no
   for (const auto& name : node.keys()) {
     for (const YamlNode& item : node.at(name).items()) {
       const std::string workload = item.text();
-      if (!is_foreign(workload) && !try_find_spec(workload)) {
-        item.fail("there is no workload '" + workload + "'" +
-                  suggestion(workload, workload_names()));
-      }
+      check_workload(item, workload);
       const auto [first, added] = known.emplace(workload, name);
       if (!added) item.fail(workload + " is in program " + first->second + " already");
       programs[name].push_back(workload);
@@ -182,7 +177,7 @@ Nanos read_spin(const YamlNode& node) { return from_ms(node.number(0, to_us(kMos
 
 void read_backend(const YamlNode& node, Machine machine, UnitModel& unit) {
   if (node.has("backend")) {
-    unit.backend = one_of(node.at("backend"), backend_names());
+    unit.backend = node.at("backend").one_of(backend_names());
   }
   for (const char* key : {"cores", "device", "script", "meter", "options", "spin_us"}) {
     if (node.has(key) && unit.backend.empty()) node.at(key).fail("needs a `backend:` beside it");
@@ -196,7 +191,6 @@ void read_backend(const YamlNode& node, Machine machine, UnitModel& unit) {
   if (node.has("script")) {
     const auto script = node.at("script");
     if (unit.backend != "fake") script.fail("only backend fake takes a script");
-    static_cast<void>(script.keys());
     check_fake_script(script);
     unit.script = script.dump();
   }
@@ -218,11 +212,11 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, Machine machi
   if (std::ranges::find(workload_keys(), name) != workload_keys().end()) {
     node.fail("'" + name + "' is a key of workload entries and cannot name a unit");
   }
-  if (node.has("role")) unit.role = *role_from_string(one_of(node.at("role"), role_names()));
+  if (node.has("role")) unit.role = *role_from_string(node.at("role").one_of(role_names()));
   if (node.has("servers"))
     unit.servers = static_cast<int>(node.at("servers").integer(1, kMaxServers));
   if (node.has("discipline") &&
-      one_of(node.at("discipline"), {"fifo", "processor_sharing"}) == "processor_sharing") {
+      node.at("discipline").one_of({"fifo", "processor_sharing"}) == "processor_sharing") {
     unit.discipline = Discipline::kProcessorSharing;
   }
   if (node.has("slots")) unit.slots = static_cast<int>(node.at("slots").integer(1, kMaxServers));
@@ -230,7 +224,7 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, Machine machi
   unit.idle_w = number_or_zero(node, "idle_w", kMaxWatts);
   unit.held_w = number_or_zero(node, "held_w", kMaxWatts);
   unit.watts_of_host_cores =
-      node.has("watts_of") && one_of(node.at("watts_of"), {"device", "host_cores"}) == "host_cores";
+      node.has("watts_of") && node.at("watts_of").one_of({"device", "host_cores"}) == "host_cores";
   if (node.has("energy")) {
     const auto energy = node.at("energy");
     energy.check_keys({"op_pj", "byte_pj", "call_j", "provenance", "source"});
@@ -239,7 +233,7 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, Machine machi
     unit.call_j = number_or_zero(energy, "call_j", kMaxJoules);
     if (energy.has("provenance")) {
       unit.energy_provenance =
-          *provenance_from_string(one_of(energy.at("provenance"), {"modelled", "fitted"}));
+          *provenance_from_string(energy.at("provenance").one_of({"modelled", "fitted"}));
     }
     unit.energy_source = paragraph_or_empty(energy, "source");
   }
@@ -342,7 +336,7 @@ WorkloadModel read_workload(const YamlNode& node, const Platform& platform) {
   if (node.has("provenance")) {
     const std::vector<std::string> known = {"measured", "counted", "modelled", "fitted",
                                             "published"};
-    model.provenance = *provenance_from_string(one_of(node.at("provenance"), known));
+    model.provenance = *provenance_from_string(node.at("provenance").one_of(known));
   }
   model.source = paragraph_or_empty(node, "source");
   return model;
@@ -351,7 +345,7 @@ WorkloadModel read_workload(const YamlNode& node, const Platform& platform) {
 void read_workloads(const YamlNode& node, Platform& platform) {
   auto known = workload_names();
   for (const auto& name : node.keys()) {
-    if (is_foreign(name) || try_find_spec(name)) known.push_back(name);
+    if (is_workload(name)) known.push_back(name);
   }
   node.check_keys(known);
   for (const auto& name : node.keys()) {

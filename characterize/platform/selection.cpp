@@ -62,28 +62,37 @@ std::vector<std::string> named_sizes(const std::string& filter) {
   return sizes;
 }
 
-/// Those that are made for sizes, at these.
-std::vector<const Workload*> at_sizes(const std::vector<std::string>& sizes) {
+/// pirt's own, then those of others.
+std::vector<const Workload*> plain_ones() {
   std::vector<const Workload*> all;
-  const auto add = [&](const Workload& plain) {
-    if (!plain.at_size) return;
-    for (const std::string& size : sizes) all.push_back(&find_workload(plain.name + "@" + size));
-  };
-  for (const Workload& workload : catalog()) add(workload);
-  for (const Workload* workload : own_workloads()) add(*workload);
+  for (const Workload& workload : catalog()) all.push_back(&workload);
+  for (const Workload* workload : own_workloads()) all.push_back(workload);
   return all;
 }
 
-/// Variants, batches and sizes that the filter itself may name.
-std::vector<const Workload*> nameable(const std::string& filter) {
+/// Variants, batches and sizes that the filter itself names; of what has a size a variant only
+/// where the filter says both. Nothing else is made: not each workload has each size.
+std::vector<const Workload*> named(const std::string& filter, const NameFilter& wanted) {
   if (filter.find('@') == std::string::npos) return {};
-  std::vector<std::string> names;
-  for (const Variant& variant : variants()) names.emplace_back(variant.name);
-  auto all = asked_for(names, std::nullopt);
-  for (const int size : named_batches(filter)) {
-    for (const Workload& workload : workloads_in_batch(size)) all.push_back(&workload);
+  std::vector<std::string> ways, sizes = {""};
+  for (const Variant& variant : variants()) ways.emplace_back(variant.name);
+  for (const int batch : named_batches(filter)) {
+    static_cast<void>(workloads_in_batch(batch));  // Refuses those that are none.
+    ways.push_back("batch" + std::to_string(batch));
   }
-  for (const Workload* workload : at_sizes(named_sizes(filter))) all.push_back(workload);
+  ways.emplace_back();
+  for (const std::string& size : named_sizes(filter)) sizes.push_back("@" + size);
+  std::vector<const Workload*> all;
+  for (const std::string& way : ways) {
+    for (const std::string& size : sizes) {
+      if (!size.empty() && filter.find(way) == std::string::npos) continue;
+      for (const Workload* plain : plain_ones()) {
+        const std::string name = plain->name + size + (way.empty() ? "" : "@" + way);
+        const Workload* const found = wanted.picks(name) ? try_find_workload(name) : nullptr;
+        if (found != nullptr) all.push_back(found);
+      }
+    }
+  }
   return all;
 }
 
@@ -98,26 +107,27 @@ std::vector<const Workload*> choose_workloads(const std::string& filter,
     if (std::ranges::find(chosen, workload) == chosen.end()) chosen.push_back(workload);
   };
   const NameFilter wanted(filter);
-  const auto own = own_workloads();
   // Who brings some and names none wants those.
-  const bool own_alone = filter.empty() && !own.empty();
-  for (const Workload& workload : catalog()) {
-    if (!own_alone && wanted.picks(workload.name)) choose(&workload);
+  const bool own_alone = filter.empty() && !own_workloads().empty();
+  const auto is_wanted = [&](const Workload& plain, const std::string& name) {
+    if (own_alone && own_operation(plain) == nullptr) return false;
+    return wanted.picks(name) || wanted.picks(plain.name);
+  };
+  for (const Workload* workload : plain_ones()) {
+    if (is_wanted(*workload, workload->name)) choose(workload);
   }
-  for (const Workload* workload : own) {
-    if (wanted.picks(workload->name)) choose(workload);
-  }
-  auto others = asked_for(in_variants, batch);
-  for (const Workload* workload : at_sizes(sizes)) {
-    if (!own_alone || own_operation(*workload) != nullptr) others.push_back(workload);
-  }
-  for (const Workload* workload : others) {
-    const std::string plain = workload->name.substr(0, workload->name.find('@'));
+  for (const Workload* workload : asked_for(in_variants, batch)) {
+    const std::string plain = own::plain_name(workload->name);
     if (wanted.picks(workload->name) || wanted.picks(plain)) choose(workload);
   }
-  for (const Workload* workload : nameable(filter)) {
-    if (wanted.picks(workload->name)) choose(workload);
+  for (const Workload* workload : plain_ones()) {
+    if (!workload->at_size) continue;
+    for (const std::string& size : sizes) {
+      const std::string name = workload->name + "@" + size;
+      if (is_wanted(*workload, name)) choose(&find_workload(name));
+    }
   }
+  for (const Workload* workload : named(filter, wanted)) choose(workload);
   if (chosen.empty()) {
     throw_bad_input(fmt::format("--filter '{}' matches no workload{}; see: pirt list workloads",
                                 filter, suggestion(filter, workload_names())));

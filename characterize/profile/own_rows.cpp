@@ -72,17 +72,30 @@ std::string doubt_changed(Profile& profile, const std::set<std::string>& workloa
       const bool other = definition.digest != digest && workloads.contains(definition.name);
       if (other) changed.insert(definition.name);
     });
-    for (auto* rows : {&profile.phases, &profile.conditions}) {
-      for (PhaseRow& row : *rows) {
+    const auto doubt = [&](auto& rows) {
+      for (auto& row : rows) {
         if (row.run_id != run.run_id || !changed.contains(own::plain_name(row.workload))) continue;
         if (std::ranges::find(row.doubts, kChanged) == row.doubts.end()) {
           row.doubts.emplace_back(kChanged);
         }
         names.insert(row.workload);
       }
-    }
+    };
+    doubt(profile.phases);
+    doubt(profile.conditions);
+    doubt(profile.energies);
   }
   return join(std::vector(names.begin(), names.end()), ", ");
+}
+
+void doubt_older(Profile& profile) {
+  std::map<std::string, std::string> newest;  // Digests; runs are the newest first.
+  for (const RunInfo& run : profile.runs) {
+    for_each_definition(run, [&newest](const own::Definition& definition) {
+      newest.emplace(definition.name, definition.digest);
+    });
+  }
+  for (const auto& [name, digest] : newest) doubt_changed(profile, {name}, digest);
 }
 
 }  // namespace pirt

@@ -34,5 +34,7 @@ inline constexpr const char* kChanged = "changed";
 /// @return  The rows' workloads, with commas; empty = they are what was measured.
 std::string doubt_changed(Profile& profile, const std::set<std::string>& workloads,
                           const std::string& digest);
+/// The same of rows that were measured of another file than the newest run's of their workload.
+void doubt_older(Profile& profile);
 
 }  // namespace pirt

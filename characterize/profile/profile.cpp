@@ -58,6 +58,24 @@ std::optional<double> RunInfo::figure(const std::string& key) const {
   return whole && std::isfinite(value) ? std::optional(value) : std::nullopt;
 }
 
+std::optional<StandingPower> standing_power(const RunInfo& run, const std::string& unit) {
+  const std::string meter = "meter." + unit;
+  const auto rest_w = run.figure(meter + ".idle_w");
+  if (!rest_w) return std::nullopt;
+  const auto own = run.environment.find(meter);
+  const auto shares = [&](const UnitRecord& other) {
+    const auto fact = run.environment.find("meter." + other.unit);
+    return own != run.environment.end() && fact != run.environment.end() &&
+           fact->second == own->second;
+  };
+  const auto sharing = std::max<std::ptrdiff_t>(1, std::ranges::count_if(run.units, shares));
+  const auto units = static_cast<double>(sharing);
+  StandingPower power{.idle_w = *rest_w / units};
+  const auto awake_w = run.figure(meter + ".awake_w");
+  if (awake_w) power.held_w = std::max(0.0, *awake_w - *rest_w) / units;
+  return power;
+}
+
 const PhaseRow* Profile::find(std::string_view workload, std::string_view unit, Phase phase,
                               State state) const {
   const auto it = std::ranges::find_if(phases, [&](const PhaseRow& row) {

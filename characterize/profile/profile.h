@@ -145,6 +145,17 @@ struct RunInfo {
   [[nodiscard]] std::optional<double> figure(const std::string& key) const;
 };
 
+/// What a unit's meter showed of its device, over the units that have the same meter, so that a
+/// platform's sum is what was measured.
+struct StandingPower {
+  double idle_w = 0;                  ///< At rest: nobody has it open.
+  std::optional<double> held_w = {};  ///< Of a GPU: what it draws more while it is open.
+};
+/// By the facts "meter.UNIT" of @p run; absent where its meter showed no idle power, or it has
+/// none.
+[[nodiscard]] std::optional<StandingPower> standing_power(const RunInfo& run,
+                                                          const std::string& unit);
+
 struct Profile {
   std::string path;
   std::vector<RunInfo> runs;  ///< Those that rows come from; newest first.

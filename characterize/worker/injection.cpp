@@ -42,6 +42,7 @@ class SlowedKernel final : public Kernel {
     return launch;
   }
   void download() override { kernel_->download(); }
+  void scribble(std::byte with) override { kernel_->scribble(with); }
   [[nodiscard]] std::optional<Nanos> bound(Phase phase) const override {
     return kernel_->bound(phase);
   }

@@ -198,11 +198,12 @@ Json encode(const Interference& found) {
   return {{"contended", found.contended},
           {"crowded", found.crowded},
           {"throttled", found.throttled},
-          {"others", found.others}};
+          {"others", encode(found.others)}};
 }
 
 Interference decode_interference(const Json& j) {
-  return {j.at("contended"), j.at("crowded"), j.at("throttled"), j.value("others", 0.0)};
+  return {j.at("contended"), j.at("crowded"), j.at("throttled"),
+          decode_number(j.value("others", Json()))};
 }
 
 Json encode(const PhaseSamples& p) {

@@ -482,16 +482,12 @@ std::int64_t batch_size(Nanos one_call) {
   return std::min(kMostCallsAtOnce, (kBatchTime.count() + call_ns - 1) / call_ns);
 }
 
-double clock_share(Nanos median_sample, std::int64_t batch, const ClockQuality& quality) {
-  if (quality.cost_ns <= 0) return 0;
+bool is_clock_bound(Nanos median_sample, std::int64_t batch, const ClockQuality& quality) {
+  if (quality.cost_ns <= 0) return false;
   const double timed_ns = static_cast<double>(median_sample.count()) * static_cast<double>(batch);
   const double doubt_ns =
       std::max(quality.cost_ns, static_cast<double>(quality.resolution.count()));
-  return doubt_ns / std::max(timed_ns, 1.0);
-}
-
-bool is_clock_bound(Nanos median_sample, std::int64_t batch, const ClockQuality& quality) {
-  return clock_share(median_sample, batch, quality) > kClockBoundShare;
+  return doubt_ns > kClockBoundShare * std::max(timed_ns, 1.0);
 }
 
 }  // namespace pirt

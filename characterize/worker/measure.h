@@ -125,12 +125,8 @@ struct PlayedCalls {
 /// Calls a batch so that it takes 1 ms or more: 1 for calls of at least 1 ms, at most 100000.
 [[nodiscard]] std::int64_t batch_size(Nanos one_call);
 
-/// The larger of the clock's cost and step, relative to the interval between the two readings
-/// behind a typical sample; 0 for a simulated clock.
-[[nodiscard]] double clock_share(Nanos median_sample, std::int64_t batch,
-                                 const ClockQuality& quality);
-
-/// Whether clock_share is more than 1 %.
+/// Whether the larger of the clock's cost and step is more than 1 % of the interval between the two
+/// readings behind a typical sample; never of a simulated clock.
 [[nodiscard]] bool is_clock_bound(Nanos median_sample, std::int64_t batch,
                                   const ClockQuality& quality);
 

@@ -22,29 +22,22 @@
 #include "characterize/machine/system_files.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/child.h"
+#include "workloads/base/system/control_groups.h"
+#include "workloads/base/system/deadline.h"
 #include "workloads/base/system/file_descriptor.h"
+#include "workloads/base/system/pipe.h"
 
 namespace pirt {
 namespace {
 
 constexpr std::size_t kDiagnosticsKept = 16384;
-constexpr int kLookEveryMs = 100;  // how often the stop flag and the limit are looked at
-constexpr int kReapEveryMs = 1;    // of a child about to be gone, on kernels that do not tell
-constexpr std::chrono::seconds kAway{2};  // who looks again so late was stopped himself
+// How often the stop flag and the limit are looked at.
+constexpr Nanos kLookEvery = std::chrono::milliseconds(100);
+constexpr int kReapEveryMs = 1;  // of a child about to be gone, on kernels that do not tell
 
 [[noreturn]] void throw_system(std::string_view doing, int error) {
   throw_environment(fmt::format("cannot {}: {}; check the limits on processes and open files",
                                 doing, std::strerror(error)));
-}
-
-struct Pipe {
-  FileDescriptor read, write;
-};
-
-Pipe make_pipe(int flags = 0) {
-  std::array<int, 2> ends{};
-  if (::pipe2(ends.data(), O_CLOEXEC | flags) != 0) throw_system("make a pipe", errno);
-  return {FileDescriptor(ends[0]), FileDescriptor(ends[1])};
 }
 
 /// The input as a file in memory: nothing to feed while the child runs, and no SIGPIPE if it does
@@ -214,19 +207,19 @@ void take_usage(const rusage& used, ProcessResult& result) {
 }  // namespace
 
 ProcessResult run_process(const ProcessRequest& request) {
-  using SteadyClock = std::chrono::steady_clock;
+  const MachineClock clock;
   // Of the machine and of all control groups. @source mm/oom_kill.c
   const auto killed_for_memory = [] { return number_of("/proc/vmstat", "oom_kill", ' '); };
   const auto killed_before = killed_for_memory();
-  const auto begin = SteadyClock::now();
+  const Nanos begin = clock.now();
   Child child(request);
-  auto deadline = SteadyClock::now() + request.limit;
+  Deadline deadline(clock.now(), request.limit);
   ProcessResult result;
   while (!child.ended()) {
     const bool stopped = request.stop != nullptr && request.stop->load();
     const bool too_much = result.output.size() > request.most_output;
-    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - SteadyClock::now());
-    if (stopped || too_much || left.count() <= 0) {
+    const Nanos wait = deadline.next_wait(clock.now(), kLookEvery);
+    if (stopped || too_much || wait == Nanos(0)) {
       result.end = stopped    ? ProcessResult::End::kStopped
                    : too_much ? ProcessResult::End::kTooMuch
                               : ProcessResult::End::kTimedOut;
@@ -235,16 +228,13 @@ ProcessResult run_process(const ProcessRequest& request) {
       return result;  // ~Child waits for it
     }
     const std::size_t known = result.output.size();
-    const auto asked = SteadyClock::now();
-    child.pump(static_cast<int>(std::min<std::int64_t>(left.count(), kLookEveryMs)), result);
-    // Where all of us were stopped, the child did not have that time.
-    if (const auto away = SteadyClock::now() - asked; away > kAway) deadline += away;
+    child.pump(poll_ms(wait), result);
     const bool said = result.output.size() > known && request.on_output;
     if (said && request.on_output(std::string_view(result.output).substr(known))) {
-      deadline = SteadyClock::now() + request.limit;
+      deadline = Deadline(clock.now(), request.limit);
     }
   }
-  result.wall = SteadyClock::now() - begin;
+  result.wall = clock.now() - begin;
   take_usage(child.usage(), result);
   drain(child, result);
   const siginfo_t info = child.ended().value();

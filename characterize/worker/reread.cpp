@@ -4,10 +4,10 @@
 #include <cstring>
 #include <thread>
 
-#include "characterize/machine/system_files.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/system/caches.h"
+#include "workloads/base/system/control_groups.h"
 
 namespace pirt {
 namespace {

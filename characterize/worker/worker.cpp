@@ -14,17 +14,18 @@
 
 #include "characterize/machine/answering.h"
 #include "characterize/machine/host_load.h"
-#include "characterize/machine/system_files.h"
 #include "characterize/statistics/statistics.h"
 #include "characterize/worker/cache_sweep.h"
 #include "characterize/worker/job.h"
 #include "characterize/worker/neighbour.h"
+#include "characterize/worker/own_checks.h"
 #include "characterize/worker/peaks.h"
 #include "characterize/worker/resident_memory.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/system/caches.h"
+#include "workloads/base/system/control_groups.h"
 #include "workloads/base/text/json.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/catalog/own_files.h"
@@ -188,6 +189,7 @@ class Worker {
   void peaks() {
     begin("opening the device");
     const auto device = backend_.open(job_.unit);
+    result_.device = device->info();
     result_.provenance = device->provenance();
     begin("measuring peaks");
     const Clock* own = device->own_clock();
@@ -204,7 +206,9 @@ class Worker {
     if (workload.state) initial_ = workload.make_state();
     const auto images = job_.images.empty() ? generated_images(job_.seed)
                                             : images_from(job_.images, job_.images_topic);
-    return make_sequence(workload, {job_.seed, images.get()});
+    auto frames = make_sequence(workload, {job_.seed, images.get()});
+    check_inputs(workload, frames);
+    return frames;
   }
 
   void reference() {
@@ -232,7 +236,7 @@ class Worker {
     device_ = backend_.open(job_.unit);
     player_.emplace(device_->prepare(workload, data.front().parameters), workload, data,
                     std::move(initial_), &guarded_);
-    player_->scribble();
+    player_->scribble(std::byte{0});  // Of samples other bytes: what nobody writes is not the same.
     player_->complete();
     std::vector<std::vector<Tensor>> outputs;
     for (const PlayedFrame& frame :
@@ -272,7 +276,9 @@ class Worker {
     player_.emplace(device_->prepare(workload, data_.front().parameters), workload, data_,
                     std::move(initial_), outputs);
     if (!has_reference(workload)) result_.notes.emplace_back("unverified");
-    if (memory != nullptr) result_.notes.emplace_back("pinned_outputs");
+    if (memory != nullptr && player_->outputs_in(*memory)) {
+      result_.notes.emplace_back("pinned_outputs");
+    }
     const Nanos beside = first_call();
     if (extra) {
       const auto taken = static_cast<double>((clock.now() - begun).count());
@@ -302,10 +308,25 @@ class Worker {
   void take_host_memory(const ResidentMemory& resident) {
     const auto added = resident.added_bytes();
     if (!added) return;
-    const auto* const other = dynamic_cast<const OtherProcess*>(&player_->kernel());
+    const auto* const other = program();
     const std::int64_t elsewhere = other != nullptr ? other->peak_bytes().value_or(0) : 0;
     result_.host_memory_bytes =
         std::max(result_.host_memory_bytes.value_or(0), held_bytes_ + *added + elsewhere);
+  }
+
+  /// That computes for this process; null if none does.
+  [[nodiscard]] const OtherProcess* program() {
+    return player_ ? dynamic_cast<const OtherProcess*>(&player_->kernel()) : nullptr;
+  }
+  [[nodiscard]] std::optional<Nanos> program_time() {
+    const auto* const other = program();
+    return other != nullptr ? other->processor_time() : std::nullopt;
+  }
+  /// The program's time is this process' own.
+  [[nodiscard]] HostCounters counters(const std::vector<int>& cores) {
+    HostCounters found = read_host_counters(cores);
+    found.own += program_time().value_or(Nanos(0));
+    return found;
   }
 
   struct Before {
@@ -313,8 +334,8 @@ class Worker {
     ProcessTimes processes;
   };
   /// Processes where they may answer the device: elsewhere, or not yet known.
-  [[nodiscard]] Before counters_before() const {
-    return {read_host_counters(job_.unit.cores),
+  [[nodiscard]] Before counters_before() {
+    return {counters(job_.unit.cores),
             device_ == nullptr || is_elsewhere() ? read_process_times() : ProcessTimes{}};
   }
   [[nodiscard]] bool is_elsewhere() const {
@@ -322,17 +343,17 @@ class Worker {
   }
 
   /// On the unit's cores; nothing on a device with a clock of its own, which others do not hold up.
-  [[nodiscard]] Interference interference_since(const Before& before) const {
+  [[nodiscard]] Interference interference_since(const Before& before) {
     if (device_->own_clock() != nullptr) return {};
     if (is_elsewhere()) {
-      const HostCounters after = read_host_counters(job_.unit.cores);
+      const HostCounters after = counters(job_.unit.cores);
       const ProcessTimes processes = read_process_times();
       return interference_elsewhere(
           before.host, after, used_by(answering_processes(processes), before.processes, processes));
     }
     const int cores = job_.unit.cores.empty() ? static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))
                                               : static_cast<int>(job_.unit.cores.size());
-    return interference(before.host, read_host_counters(job_.unit.cores), cores);
+    return interference(before.host, counters(job_.unit.cores), cores);
   }
 
   /// @return What of it is measured beside the device's own clock, which tells the preparation.
@@ -392,6 +413,9 @@ class Worker {
     begin("verifying");
     expected_ = read_reference(job_.reference, find_workload(job_.workload));
     player_->scribble();
+    if (job_.verifies_first && job_.backend == "cpu") {
+      note_slices(find_workload(job_.workload), *player_, result_.notes);
+    }
     return (!job_.verifies_first && !result_.deterministic) || verify("before timing");
   }
 
@@ -422,7 +446,7 @@ class Worker {
     const Clock* own = device_->own_clock();
     if (own == nullptr) {
       PhaseClocks clocks{.clock = machine_, .quality = result_.clock};
-      if (computes_on_host()) clocks.processor = &processor_;
+      if (computes_on_host() && !program_time()) clocks.processor = &processor_;
       return clocks;
     }
     PhaseClocks clocks{.clock = *own,
@@ -529,16 +553,17 @@ class Worker {
     player_->scribble();
     const Nanos window = metering_window(meters, job_.metering.window);
     // A meter sees all cores, whoever uses them.
-    const auto before = read_host_counters({});
+    const auto before = counters({});
     std::vector<MeteredCalls> repeats;
     do {
       MeteredFrames frames(*player_, machine_, window);
       repeats.push_back(meter_calls(
           meters, machine_, window, [&frames] { frames.call(); },
           [&frames] { return frames.is_at_end(); }));
-    } while (repeats.back().reasons.empty() && std::ssize(repeats) < kMeteredRepeats);
+    } while (repeats.back().reasons.empty() && std::ssize(repeats) < kMeteredRepeats &&
+             machine_.now() - begun_ < kLongestWindow);
     result_.metered = joined_repeats(repeats);
-    const auto after = read_host_counters({});
+    const auto after = counters({});
     const Interference disturbed =
         interference(before, after, static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN)));
     if (disturbed.contended) result_.metered->source += "; contended";

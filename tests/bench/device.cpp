@@ -4,7 +4,7 @@
 // Usage: device [--device NAME] [--filter REGEX] [--peers FILE] [--rounds N]
 //   NAME is part of the device's name, the first one without. FILE has a line "WORKLOAD US" for
 //   each layer that somebody else timed on the same device, calls in a row
-//   (tests/bench/peers/layers.py).
+//   (tests/bench/peers/layers.py); other lines, a library's warnings, are none.
 //
 // Columns: `waited` one call's launch and execution, waited for; `in a row` a call of 200 that are
 // waited for once; `device` from its first kernel's start to its last one's end by its own stamps,
@@ -19,6 +19,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <sstream>
 
 #include "characterize/statistics/statistics.h"
 #include "reports/document/document.h"
@@ -106,8 +107,12 @@ class PinnedCopies {
 std::map<std::string, double> peers_of(const std::string& path) {
   std::map<std::string, double> peers;
   std::ifstream file(path);
-  std::string name;
-  for (double us = 0; file >> name >> us;) peers[name] = us;
+  for (std::string line; std::getline(file, line);) {
+    std::istringstream words(line);
+    std::string name, more;
+    double us = 0;
+    if (words >> name >> us && !(words >> more)) peers[name] = us;
+  }
   return peers;
 }
 

@@ -1,11 +1,13 @@
 // A GPU that runs out of memory or loses its context, as the layer gpu_stand_in makes PoCL's device
 // one.
+#include "characterize/worker/job_runner.h"
 #include "tests/cli/program.h"
 
 namespace pirt::test {
 namespace {
 
 using testing::AllOf;
+using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -92,6 +94,24 @@ TEST_F(StandInGpu, ComputesWithoutPinnedMemory) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(record()["failed"], 0);
   EXPECT_GT(completed_on("gpu"), 0);
+}
+
+TEST_F(StandInGpu, OutputsAreNotedAsPinnedWhereTheyAre) {
+  const JobRunner runner(kProgram, std::chrono::minutes(1), nullptr);
+  Job job;
+  job.kind = JobKind::kSetup;
+  job.backend = "opencl";
+  job.unit.unit = "gpu";
+  job.unit.device = "own_memory";
+  job.workload = "sobel";
+  const auto notes = [&](const std::string& how) {
+    const auto result =
+        runner.run(job, {{"OPENCL_LAYERS", kGpuStandIn}, {"PIRT_STAND_IN_GPU", how}});
+    EXPECT_EQ(result->error, "");
+    return result->notes;
+  };
+  EXPECT_THAT(notes(""), Contains("pinned_outputs"));
+  EXPECT_THAT(notes("pinned=no"), Not(Contains("pinned_outputs")));
 }
 
 TEST_F(StandInGpu, WhatDoesNotFitIntoItsMemoryIsSaidBeforeAnythingRuns) {

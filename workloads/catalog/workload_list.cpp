@@ -10,6 +10,7 @@
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/own_list.h"
 #include "workloads/dnn/dnn.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/own/definition.h"
 #include "workloads/vision/vision.h"
 
@@ -117,32 +118,29 @@ std::span<const Workload> WorkloadList::in_batch(int batch) const {
   return made.workloads;
 }
 
-const Workload* WorkloadList::at_size(const Workload& plain, std::string_view text) const {
+const Workload* WorkloadList::made_of(const Workload& plain, std::string_view text) const {
   const auto end = std::min(text.find('@'), text.size());
   const auto size = own::size_from(text.substr(0, end));
-  if (!size || !plain.at_size) return nullptr;
-  const std::string canonical = own::to_string(*size) + std::string(text.substr(end));
-  const std::lock_guard lock(sizes_mutex_);
-  auto& made = sizes_[{&plain, canonical}];
+  // Variants of pirt's own without a size are made all at once.
+  if (size ? !plain.at_size : own_operation(plain) == nullptr) return nullptr;
+  const std::string base = size ? plain.name + "@" + own::to_string(*size) : plain.name;
+  const std::string name = base + (size ? std::string(text.substr(end)) : "@" + std::string(text));
+  const std::lock_guard lock(made_mutex_);
+  auto& made = made_[{&plain, name}];
   if (!made.empty()) return &made.back();
-  Workload sized = plain.at_size(size->width, size->height);
-  sized.name = plain.name + "@" + own::to_string(*size);
-  sized.tags = plain.tags;
-  sized.at_size = {};
-  const std::string name = plain.name + "@" + canonical;
-  const std::span<const Workload> one(&sized, 1);
+  Workload whole = size ? plain.at_size(size->width, size->height) : plain;
+  whole.name = base;
+  whole.tags = plain.tags;
+  whole.at_size = {};
+  if (name == base) return &made.emplace_back(std::move(whole));
+  const std::span<const Workload> one(&whole, 1);
   std::vector<Workload> further;
   for (const Variant& variant : kVariants) {
-    if (end < text.size())
-      std::ranges::move(make_variant(variant, one), std::back_inserter(further));
+    std::ranges::move(make_variant(variant, one), std::back_inserter(further));
   }
   if (const auto batch = batch_of(name)) further = make_batch(*batch, one);
-  if (end == text.size()) {
-    made.push_back(std::move(sized));
-  } else {
-    std::erase_if(further, [&name](const Workload& each) { return each.name != name; });
-    made = std::move(further);
-  }
+  std::erase_if(further, [&name](const Workload& each) { return each.name != name; });
+  made = std::move(further);
   return made.empty() ? nullptr : &made.back();
 }
 
@@ -154,7 +152,7 @@ const Workload* WorkloadList::try_find(std::string_view name) const {
   const Workload* plain = find_in(plain_, name.substr(0, at));
   if (plain == nullptr) plain = try_find_own(name.substr(0, at));
   if (plain == nullptr) return nullptr;
-  if (const Workload* const sized = at_size(*plain, name.substr(at + 1))) return sized;
+  if (const Workload* const made = made_of(*plain, name.substr(at + 1))) return made;
   for (const auto& variant : in_variants()) {
     if (const auto* found = find_in(variant, name)) return found;
   }

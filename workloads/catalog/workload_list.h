@@ -44,14 +44,13 @@ class WorkloadList {
     std::vector<Workload> workloads;
   };
   mutable std::array<Made, kLargestBatch + 1> batches_;
-  /// @param size  "1280x720", also with a variant or a batch: "1280x720@map"; null where it is
-  /// none,
-  ///              or @p plain has no other sizes.
-  [[nodiscard]] const Workload* at_size(const Workload& plain, std::string_view size) const;
+  /// @param text  "1280x720", also with a variant or a batch: "1280x720@map"; of others' workloads
+  /// a variant alone. Null where it is none, or @p plain has no other sizes.
+  [[nodiscard]] const Workload* made_of(const Workload& plain, std::string_view text) const;
 
-  mutable std::mutex sizes_mutex_;
-  /// One or none, by what they were made of and the rest of the name; not moved once made.
-  mutable std::map<std::pair<const Workload*, std::string>, std::vector<Workload>> sizes_;
+  mutable std::mutex made_mutex_;
+  /// One or none, by what they were made of and their name; not moved once made.
+  mutable std::map<std::pair<const Workload*, std::string>, std::vector<Workload>> made_;
   mutable std::once_flag variants_once_;
   mutable std::vector<std::vector<Workload>> variants_;
 };

@@ -3,8 +3,10 @@
 // except for batched().
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "workloads/model/workload.h"
@@ -37,6 +39,14 @@ struct ConvShape {
 struct ValueRange {
   float low = 0, high = 1;
 };
+
+/// What kernels of signed 8 bits multiply inputs of @p range by, so that the farthest from 0 is
+/// 127.
+[[nodiscard]] double int8_input_scale(ValueRange range);
+/// The same of the weights of each of @p channels; 1 for one whose weights are all 0.
+/// @param weights  One channel after the other, as many of each.
+[[nodiscard]] std::vector<double> int8_weight_scales(std::span<const float> weights,
+                                                     std::size_t channels);
 
 /// Kernel "conv2d_relu": input f32 [in_c,in_h,in_w]; parameters weights f32 [out_c,in_c,k_h,k_w],
 /// bias f32 [out_c]; output f32 [out_c,out_h,out_w] = max(0, conv + bias).

@@ -1,4 +1,5 @@
 // Layers whose products are computed in fewer bits.
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -33,7 +34,26 @@ double tolerance(const Operation& operation, Precision precision) {
   return softmax ? std::expm1(std::sqrt(3.0) * error) : error;
 }
 
+constexpr double kMostInt8 = 127;
+
 }  // namespace
+
+double int8_input_scale(ValueRange range) {
+  return kMostInt8 / std::max(std::abs(double{range.low}), std::abs(double{range.high}));
+}
+
+std::vector<double> int8_weight_scales(std::span<const float> weights, std::size_t channels) {
+  const std::size_t length = weights.size() / channels;
+  std::vector<double> scales;
+  for (std::size_t c = 0; c < channels; ++c) {
+    double peak = 0;
+    for (const float w : weights.subspan(c * length, length)) {
+      peak = std::max(peak, std::abs(double{w}));
+    }
+    scales.push_back(peak > 0 ? kMostInt8 / peak : 1);
+  }
+  return scales;
+}
 
 std::optional<Workload> in_precision(const Workload& plain, Precision precision) {
   if (plain.kernel != "conv2d_relu" && plain.kernel != "fully_connected") return std::nullopt;

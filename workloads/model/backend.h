@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <map>
 #include <memory>
 #include <optional>
@@ -123,6 +124,9 @@ class Kernel {
   /// Device to host; complete on return. Outputs that vary get their rows, here or in execute. With
   /// a state its next value comes as well.
   virtual void download() {}
+  /// Fills with @p with what it keeps of the outputs beside those that are bound: what of them is
+  /// another byte later was written later. Nothing to do where calls write to what is bound.
+  virtual void scribble(std::byte with) { static_cast<void>(with); }
 
   // The rest is for workloads with a state only, of which host and device have two sets: the one
   // that is committed, and the one that a call writes. A call that fails or is cancelled leaves the

@@ -77,6 +77,12 @@ DeviceChoice first_of(Devices devices, std::size_t first) {
 
 }  // namespace
 
+bool is_named(const DeviceInfo& device, const std::string& part) {
+  const std::string wanted = in_lower_case(part);
+  return in_lower_case(device.name).find(wanted) != std::string::npos ||
+         in_lower_case(device.platform).find(wanted) != std::string::npos;
+}
+
 std::string numbered(std::span<const DeviceInfo> devices, std::size_t index) {
   const DeviceInfo& device = devices[index];
   return fmt::format("{}: \"{}\" ({}{}{})", index, device.name, device.platform,
@@ -98,9 +104,7 @@ DeviceChoice choose_device(std::span<const DeviceInfo> devices, const std::strin
   const std::string part = in_lower_case(wanted);
   const bool by_place = is_pci_id(part);
   const auto found = where(devices, [&](const DeviceInfo& each) {
-    if (by_place) return is_at(each, part);
-    return in_lower_case(each.name).find(part) != std::string::npos ||
-           in_lower_case(each.platform).find(part) != std::string::npos;
+    return by_place ? is_at(each, part) : is_named(each, part);
   });
   if (found.empty()) throw_no_device(devices, "matches \"" + wanted + "\"");
   const bool one_place = by_place && std::ranges::all_of(found, [&](std::size_t i) {
@@ -111,6 +115,20 @@ DeviceChoice choose_device(std::span<const DeviceInfo> devices, const std::strin
   throw_environment(fmt::format(
       "{} devices match \"{}\": {}; choose one by its number (device: {}) or its PCI id",
       found.size(), wanted, all_numbered(devices, found), found.front()));
+}
+
+std::string other_device(const DeviceInfo& was, const DeviceInfo& is) {
+  std::vector<std::string> changed;
+  const auto compare = [&](std::string_view what, std::string DeviceInfo::*of) {
+    if (is.*of == was.*of) return;
+    changed.push_back(fmt::format("{} '{}' in place of '{}'", what, is.*of, was.*of));
+  };
+  compare("device", &DeviceInfo::name);
+  compare("driver", &DeviceInfo::platform);
+  compare("version", &DeviceInfo::version);
+  compare("tuning", &DeviceInfo::tuning);
+  compare("PCI id", &DeviceInfo::pci);
+  return join(changed, ", ");
 }
 
 }  // namespace pirt

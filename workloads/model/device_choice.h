@@ -1,4 +1,4 @@
-// Which of a backend's devices a platform file means by `device:`.
+// Which of a backend's devices a platform file means by `device:`, and whether one is it still.
 #pragma once
 
 #include <span>
@@ -11,6 +11,9 @@ namespace pirt {
 
 /// `device:` of the first device with memory of its own.
 inline constexpr std::string_view kOwnMemory = "own_memory";
+
+/// Whether @p part occurs in the device's name or platform, in any case.
+[[nodiscard]] bool is_named(const DeviceInfo& device, const std::string& part);
 
 struct DeviceChoice {
   std::size_t index = 0;
@@ -27,5 +30,9 @@ struct DeviceChoice {
 
 /// `1: "NVIDIA H100" (NVIDIA CUDA, 0000:01:00.0)`
 [[nodiscard]] std::string numbered(std::span<const DeviceInfo> devices, std::size_t index);
+
+/// What of an open device is not as it was: "driver 'x' in place of 'y'"; empty = it is the same
+/// one. Its remark may come and go.
+[[nodiscard]] std::string other_device(const DeviceInfo& was, const DeviceInfo& is);
 
 }  // namespace pirt

@@ -61,6 +61,8 @@ class OtherProcess {
   virtual ~OtherProcess() = default;
   /// What that process has had resident at most; absent where there is none, or it is not known.
   [[nodiscard]] virtual std::optional<std::int64_t> peak_bytes() const = 0;
+  /// The processor time of its threads so far; absent likewise.
+  [[nodiscard]] virtual std::optional<Nanos> processor_time() const = 0;
 };
 
 struct OwnOperation : Operation {

@@ -79,14 +79,22 @@ void Player::restart() {
   if (workload_.state) kernel_->upload_state();
 }
 
-void Player::scribble() {
+void Player::scribble(std::byte with) {
+  kernel_->scribble(with);
   for (auto& outputs : outputs_) {
     for (Tensor& tensor : outputs) {
       if (tensor.spec().varies) tensor.set_rows(tensor.dim(0));
-      std::memset(tensor.data(), 0xFF, tensor.bytes().size());
+      std::memset(tensor.data(), std::to_integer<int>(with), tensor.bytes().size());
     }
   }
   was_called_.assign(frames_.size(), false);
+}
+
+bool Player::outputs_in(const TensorMemory& memory) const {
+  return std::ranges::all_of(outputs_, [&memory](const std::vector<Tensor>& outputs) {
+    return std::ranges::all_of(
+        outputs, [&memory](const Tensor& tensor) { return memory.holds(tensor.data()); });
+  });
 }
 
 void Player::complete() {

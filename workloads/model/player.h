@@ -2,6 +2,7 @@
 // for whoever measures or verifies. A workload of one call has a sequence of one.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -47,15 +48,18 @@ class Player {
   void next();
   /// The first frame and the initial state.
   void restart();
-  /// From here on no frame counts as called, and their outputs hold NaN or all bits set, with as
-  /// many rows as they can have: what is found there later was written later.
-  void scribble();
+  /// From here on no frame counts as called, and their outputs hold nothing but @p with, which
+  /// makes NaN of floats unless somebody says otherwise, with as many rows as they can have: what
+  /// is found there later was written later.
+  void scribble(std::byte with = std::byte{0xFF});
   /// Plays the sequence from its beginning if a frame of it was not called since scribble().
   void complete();
   /// Says that somebody else called the frame that is bound (Kernel::upload, execute, download).
   void called() { was_called_[frame_] = true; }
 
   [[nodiscard]] std::size_t frames() const { return frames_.size(); }
+  /// Whether all outputs are in @p memory, which may have had less.
+  [[nodiscard]] bool outputs_in(const TensorMemory& memory) const;
   /// The outputs of each frame's last call, beside what is expected of it.
   /// @param expected  As reference_of gives it.
   [[nodiscard]] std::vector<PlayedFrame> played(

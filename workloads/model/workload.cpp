@@ -239,6 +239,17 @@ std::function<Verdict(std::span<const Tensor>, std::span<const Tensor>)> verify_
   };
 }
 
+std::function<Verdict(std::span<const Tensor>, std::span<const Tensor>)> verify_mixed(
+    double relative_to_peak) {
+  return [relative_to_peak](std::span<const Tensor> outputs, std::span<const Tensor> expected) {
+    return compare_all(outputs, expected, [=](const Tensor& output, const Tensor& want) {
+      return want.spec().element == Element::kF64
+                 ? compare_close_any(output, want, relative_to_peak)
+                 : compare_exact_any(output, want);
+    });
+  };
+}
+
 int picture_index(std::uint64_t seed) {
   constexpr std::uint64_t kPictures = std::numeric_limits<int>::max();
   return static_cast<int>((seed + kPictures - 1) % kPictures);

@@ -172,5 +172,8 @@ template <typename T>
 /// relative_to_peak * max|ref|, for each tensor.
 [[nodiscard]] std::function<Verdict(std::span<const Tensor>, std::span<const Tensor>)> verify_close(
     double relative_to_peak);
+/// For outputs of both kinds: as verify_close where f64 is expected, else as verify_exact.
+[[nodiscard]] std::function<Verdict(std::span<const Tensor>, std::span<const Tensor>)> verify_mixed(
+    double relative_to_peak);
 
 }  // namespace pirt

@@ -55,6 +55,11 @@ struct Size {
 /// "u8", "f32"; absent for any other text.
 [[nodiscard]] std::optional<Element> element_from(std::string_view text);
 
+/// Of a shape: "480", "width", "height"; absent for any other text.
+[[nodiscard]] std::optional<std::int64_t> extent_from(std::string_view text);
+/// Of letters, digits and _-./: 1 to 100.
+[[nodiscard]] bool is_tensor_name(std::string_view name);
+
 /// With the width and height of @p size in place of kWidth and kHeight.
 [[nodiscard]] std::vector<TensorSpec> at(std::vector<TensorSpec> specs, Size size);
 /// The same of its global sizes, and with -DPIRT_WIDTH and -DPIRT_HEIGHT.

@@ -147,13 +147,15 @@ typedef struct pirt_workload {
   int64_t width, height; /* that it has by itself; 0 where no shape has PIRT_WIDTH or PIRT_HEIGHT */
   int32_t
       frames; /* inputs of the sequence that it is measured with; 0 or 1: one call is repeated */
-  int32_t slices; /* parts of a call of about the same time; 0 or 1: it cannot be suspended */
+  int32_t slices; /* parts of a call of about the same time; 0 or 1: it cannot be suspended. A row
+                     says where calls have others */
   double operations_per_element; /* of the first output; 0: not known */
   double tolerance; /* |output - reference| <= tolerance * max|reference| of the tensor; 0: integers
                        are equal, and 1e-4 of others */
   /* Input number `frame` of the sequence, and the parameters, a pure function of the seed. Null:
-   * pictures for u8[height, width], else numbers within the range (without one: all of u8, -100 to
-   * 100 of other integers, 0 to 1). */
+   * pictures for u8[height, width] and u8[3, height, width], each the frame after that of the input
+   * before it, else numbers within the range (without one: all of u8, -100 to 100 of other
+   * integers, 0 to 1). */
   int (*make_inputs)(uint64_t seed, int32_t frame, pirt_tensor* inputs, pirt_tensor* parameters);
   int (*make_state)(pirt_tensor* state); /* before the first call; null: zeros */
   /* The definition, written for clarity. Null: the outputs of the first unit are what the others

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cfenv>
+#include <clocale>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -77,10 +79,10 @@ void check_head(const T& given, const char* type, const std::string& where) {
                   where, type, given.version, given.size, PIRT_MODULE_VERSION, sizeof(T)));
 }
 
-void check_count(std::uint32_t count, const void* array, const std::string& where) {
-  if (count > kMostCount) {
-    throw_bad_input(
-        fmt::format("{}: it has {} of a kind; {} are the most", where, count, kMostCount));
+void check_count(std::uint32_t count, const void* array, const std::string& where,
+                 std::uint32_t most = kMostCount) {
+  if (count > most) {
+    throw_bad_input(fmt::format("{}: it has {} of a kind; {} are the most", where, count, most));
   }
   if (count > 0 && array == nullptr) throw_bad_input(where + ": a table is null");
 }
@@ -416,10 +418,28 @@ void check_whole(const std::filesystem::path& file) {
   if (!whole) throw_bad_input(file.string() + " is no library, or is cut off; build it again");
 }
 
+/// What a library's constructors may set for all that the process computes is as it was: how
+/// floats are computed (-ffast-math makes denormals 0), and the locale.
+class AsBefore {
+ public:
+  AsBefore() { std::fegetenv(&floats_); }
+  ~AsBefore() {
+    std::fesetenv(&floats_);
+    if (locale_ != std::setlocale(LC_ALL, nullptr)) std::setlocale(LC_ALL, locale_.c_str());
+  }
+  AsBefore(const AsBefore&) = delete;
+  AsBefore& operator=(const AsBefore&) = delete;
+
+ private:
+  std::fenv_t floats_{};
+  std::string locale_ = std::setlocale(LC_ALL, nullptr);
+};
+
 }  // namespace
 
 std::vector<Definition> load_module(const std::filesystem::path& file) {
   check_whole(file);
+  const AsBefore kept;
   // What one library brings does not meet what another one calls the same.
   void* const library = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) {
@@ -436,11 +456,7 @@ std::vector<Definition> load_module(const std::filesystem::path& file) {
   const pirt_module* const module = entry();
   if (module == nullptr) throw_bad_input(file.string() + ": pirt_module_v1 returned null");
   check_head(*module, "pirt_module", file.string());
-  if (module->workload_count > 1000)
-    throw_bad_input(file.string() + " has more than 1000 workloads");
-  if (module->workload_count > 0 && module->workloads == nullptr) {
-    throw_bad_input(file.string() + ": its table of workloads is null");
-  }
+  check_count(module->workload_count, module->workloads, file.string(), 1000);
   std::vector<Definition> all;
   for (std::uint32_t i = 0; i < module->workload_count; ++i) {
     if (module->workloads[i] == nullptr) throw_bad_input(file.string() + ": a workload is null");

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <poll.h>
-#include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -22,7 +21,10 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/system/child.h"
+#include "workloads/base/system/deadline.h"
 #include "workloads/base/system/file_descriptor.h"
+#include "workloads/base/system/pipe.h"
+#include "workloads/base/system/shared_memory.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/printable.h"
 #include "workloads/base/text/text.h"
@@ -40,36 +42,11 @@ constexpr int kNullCalls = 32;
   throw_environment(fmt::format("cannot {}: {}", doing, std::strerror(errno)));
 }
 
-/// Memory of this process and the program's.
-class SharedMemory {
- public:
-  explicit SharedMemory(std::size_t bytes) : bytes_(bytes) {
-    descriptor_ = FileDescriptor(::memfd_create("pirt", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-    // Of another size it would be a crash here.
-    if (descriptor_.get() < 0 || ::ftruncate(descriptor_.get(), static_cast<off_t>(bytes_)) != 0 ||
-        ::fcntl(descriptor_.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0) {
-      throw_errno("make shared memory");
-    }
-    void* const place =
-        ::mmap(nullptr, bytes_, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor_.get(), 0);
-    if (place == MAP_FAILED) throw_errno("map shared memory");
-    data_ = static_cast<std::byte*>(place);
-  }
-  ~SharedMemory() { ::munmap(data_, bytes_); }
-  SharedMemory(const SharedMemory&) = delete;
-  SharedMemory& operator=(const SharedMemory&) = delete;
+[[noreturn]] void throw_failed(const Program& program, const std::string& how) {
+  throw_environment(fmt::format("{}: {} {}", program.workload, join(program.command, " "), how));
+}
 
-  [[nodiscard]] std::byte* at(std::size_t offset) const { return data_ + offset; }
-  [[nodiscard]] std::size_t bytes() const { return bytes_; }
-  [[nodiscard]] int descriptor() const { return descriptor_.get(); }
-
- private:
-  std::size_t bytes_;
-  FileDescriptor descriptor_;
-  std::byte* data_ = nullptr;
-};
-
-/// Where the tensors lie in it, each on a page of its own.
+/// Where the tensors lie in the memory that is shared, each on a page of its own.
 struct Layout {
   std::vector<std::size_t> inputs, parameters, outputs;
   std::size_t bytes = 0;
@@ -92,38 +69,15 @@ Layout layout_of(const Program& program) {
   return layout;
 }
 
-/// A program that is gone is no signal to this one.
-class WithoutPipeSignal {
- public:
-  WithoutPipeSignal() {
-    sigemptyset(&pipe_);
-    sigaddset(&pipe_, SIGPIPE);
-    ::pthread_sigmask(SIG_BLOCK, &pipe_, &before_);
-  }
-  ~WithoutPipeSignal() {
-    const timespec now{0, 0};
-    ::sigtimedwait(&pipe_, nullptr, &now);
-    ::pthread_sigmask(SIG_SETMASK, &before_, nullptr);
-  }
-  WithoutPipeSignal(const WithoutPipeSignal&) = delete;
-  WithoutPipeSignal& operator=(const WithoutPipeSignal&) = delete;
-
- private:
-  sigset_t pipe_{}, before_{};
-};
-
 /// The running program.
 class Process {
  public:
   Process(const Program& program, const SharedMemory& memory) : program_(program) {
-    std::array<int, 2> in{}, out{};
-    if (::pipe2(in.data(), O_CLOEXEC) != 0) throw_errno("make a pipe");
-    FileDescriptor read_end(in[0]);
-    to_ = FileDescriptor(in[1]);
+    Pipe in = make_pipe();
+    Pipe out = make_pipe();
+    to_ = std::move(in.write);
+    from_ = std::move(out.read);
     ::fcntl(to_.get(), F_SETFL, O_NONBLOCK);  // One that does not read holds up nobody.
-    if (::pipe2(out.data(), O_CLOEXEC) != 0) throw_errno("make a pipe");
-    from_ = FileDescriptor(out[0]);
-    FileDescriptor write_end(out[1]);
 
     std::vector<char*> words;
     for (const std::string& word : program.command)
@@ -135,9 +89,9 @@ class Process {
     if (pid_ < 0) throw_errno("start " + program.command.front());
     if (pid_ == 0) {
       // Above those that are to be, before they are put in place.
-      const int given_in = ::fcntl(read_end.get(), F_DUPFD, 10);
-      const int given_out = ::fcntl(write_end.get(), F_DUPFD, 10);
-      const int given_memory = ::fcntl(memory.descriptor(), F_DUPFD, 10);
+      const int given_in = ::fcntl(in.read.get(), F_DUPFD, 10);
+      const int given_out = ::fcntl(out.write.get(), F_DUPFD, 10);
+      const int given_memory = ::fcntl(memory.fd(), F_DUPFD, 10);
       const bool good = ::dup2(given_in, STDIN_FILENO) >= 0 &&
                         ::dup2(given_out, STDOUT_FILENO) >= 0 &&
                         ::dup2(given_memory, kMemory) >= 0 && ::chdir(folder.c_str()) == 0;
@@ -165,9 +119,9 @@ class Process {
     if (!buffer_.empty()) {
       fail("said something that it was not asked for: " + shown(buffer_));
     }
-    const Nanos until = clock_.now() + limit;
-    put(json_text(line) + "\n", until, limit);
-    return get(until, limit);
+    Deadline deadline(clock_.now(), limit);
+    put(json_text(line) + "\n", deadline, limit);
+    return get(deadline, limit);
   }
 
   /// Bytes of its own that it has had at most, and the processor time of its threads so far; not of
@@ -188,10 +142,6 @@ class Process {
   }
 
  private:
-  [[nodiscard]] std::string name() const {
-    return program_.workload + ": " + join(program_.command, " ");
-  }
-
   static std::string shown(const std::string& text) { return printable(text.substr(0, 80)); }
 
   /// It is reaped last, so that its group's number cannot be somebody else's by now.
@@ -215,7 +165,10 @@ class Process {
     if (watcher_ != 0) return;
     if (::setpgid(0, group) != 0) ::_exit(0);  // It has ended already.
     ::dup2(read_end.get(), STDIN_FILENO);
+    ::fcntl(STDIN_FILENO, F_SETFD, 0);
     ::close_range(STDOUT_FILENO, ~0U, 0);
+    // Another image: a copy of this process would keep the memory that this one gives up.
+    ::execl("/bin/sh", "sh", "-c", "read -r unused; kill -9 0", static_cast<char*>(nullptr));
     char unused = 0;
     while (::read(STDIN_FILENO, &unused, 1) < 0 && errno == EINTR) {
     }
@@ -241,16 +194,14 @@ class Process {
 
   [[noreturn]] void fail(const std::string& how) {
     end();
-    throw_environment(name() + " " + how);
+    throw_failed(program_, how);
   }
   [[noreturn]] void fail_ended() {
     // Its end of the pipe may close a moment before it is gone.
     for (int i = 0; i < 500 && !has_ended(); ++i) ::poll(nullptr, 0, 10);
     if (!has_ended()) fail("closed its standard output");
     end();
-    if (!status_) {
-      fail("has ended; how is not known, since this process ignores SIGCHLD or waits for all");
-    }
+    if (!status_) fail(kEndNotKnown);
     if (WIFSIGNALED(*status_)) fail(fmt::format("crashed (signal {})", WTERMSIG(*status_)));
     if (WEXITSTATUS(*status_) == 127) {
       fail(fmt::format("cannot be started; '{}' is looked for in PATH, and with a '/' in {}",
@@ -259,14 +210,14 @@ class Process {
     fail(fmt::format("ended with code {}", WEXITSTATUS(*status_)));
   }
 
-  void put(std::string_view text, Nanos until, Nanos limit) {
-    const WithoutPipeSignal quiet;
+  void put(std::string_view text, Deadline& deadline, Nanos limit) {
+    const WithoutSigpipe quiet;
     while (!text.empty()) {
       const ssize_t put = ::write(to_.get(), text.data(), text.size());
       if (put > 0) {
         text.remove_prefix(static_cast<std::size_t>(put));
       } else if (errno == EAGAIN) {
-        if (wait(to_, POLLOUT, until)) continue;
+        if (wait(to_, POLLOUT, deadline)) continue;
         fail(fmt::format("did not read what it was asked in {:.3g} s", to_s(limit)));
       } else if (errno != EINTR) {
         fail_ended();
@@ -276,20 +227,19 @@ class Process {
 
   /// Until it can be read or written; false if it is too late.
   /// @throws Error{kEnvironment} if the call is stopped, or the program has ended.
-  bool wait(const FileDescriptor& of, short what, Nanos until) {
+  bool wait(const FileDescriptor& of, short what, Deadline& deadline) {
     for (;;) {
       if (stop_of_call().stop_requested()) fail("was stopped");
-      const Nanos left = until - clock_.now();
-      if (left <= Nanos(0)) return false;
       constexpr Nanos kLook = std::chrono::milliseconds(50);
-      const auto span = std::chrono::ceil<std::chrono::milliseconds>(std::min(left, kLook));
+      const Nanos span = deadline.next_wait(clock_.now(), kLook);
       pollfd ready{of.get(), what, 0};
-      if (::poll(&ready, 1, static_cast<int>(span.count())) > 0) return true;
+      if (::poll(&ready, 1, poll_ms(span)) > 0) return true;
       if (has_ended()) fail_ended();  // What it started may hold the pipe open.
+      if (span == Nanos(0)) return false;
     }
   }
 
-  Json get(Nanos until, Nanos limit) {
+  Json get(Deadline& deadline, Nanos limit) {
     for (;;) {
       if (const auto end = buffer_.find('\n'); end != std::string::npos) {
         const std::string line = buffer_.substr(0, end);
@@ -300,7 +250,7 @@ class Process {
              "; its standard output is for answers, standard error for the rest");
       }
       if (buffer_.size() > kLongestLine) fail("answers with a line of more than 1 MiB");
-      if (!wait(from_, POLLIN, until)) {
+      if (!wait(from_, POLLIN, deadline)) {
         fail(fmt::format("did not answer in {:.3g} s{}", to_s(limit),
                          buffer_.empty() ? "" : ", but for half a line: " + shown(buffer_)));
       }
@@ -335,11 +285,9 @@ class ProgramKernel final : public Kernel, public OtherProcess {
   ProgramKernel(Program program, std::span<const Tensor> parameters, int threads)
       : program_(std::move(program)),
         layout_(layout_of(program_)),
-        memory_(std::max<std::size_t>(layout_.bytes, 1)),
-        threads_(threads) {
-    for (std::size_t i = 0; i < parameters.size(); ++i) {
-      std::ranges::copy(parameters[i].bytes(), memory_.at(layout_.parameters[i]));
-    }
+        memory_("pirt", std::max<std::size_t>(layout_.bytes, 1)),
+        threads_(threads),
+        parameters_(copy_tensors(parameters)) {
     start();
   }
 
@@ -353,8 +301,17 @@ class ProgramKernel final : public Kernel, public OtherProcess {
     return std::nullopt;
   }
 
+  void scribble(std::byte with) override {
+    for (std::size_t i = 0; i < layout_.outputs.size(); ++i) {
+      std::fill_n(memory_.data() + layout_.outputs[i], program_.outputs[i].size_bytes(), with);
+    }
+  }
+
   [[nodiscard]] std::optional<std::int64_t> peak_bytes() const override {
     return process_ ? process_->peak_bytes() : std::nullopt;
+  }
+  [[nodiscard]] std::optional<Nanos> processor_time() const override {
+    return process_ ? std::optional(process_->processor_time()) : std::nullopt;
   }
 
   [[nodiscard]] std::vector<std::string> remarks() const override {
@@ -372,6 +329,10 @@ class ProgramKernel final : public Kernel, public OtherProcess {
 
  private:
   void start() {
+    // One that ran before may have written to them.
+    for (std::size_t i = 0; i < parameters_.size(); ++i) {
+      std::ranges::copy(parameters_[i].bytes(), memory_.data() + layout_.parameters[i]);
+    }
     process_.emplace(program_, memory_);
     try {
       greet();
@@ -417,7 +378,7 @@ class ProgramKernel final : public Kernel, public OtherProcess {
     if (!process_) start();
     Json line = {{"call", ++number_}};
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
-      std::ranges::copy(inputs_[i].used_bytes(), memory_.at(layout_.inputs[i]));
+      std::ranges::copy(inputs_[i].used_bytes(), memory_.data() + layout_.inputs[i]);
       if (inputs_[i].spec().varies) line["rows"][inputs_[i].spec().name] = inputs_[i].rows();
     }
     const Json answer = ask(line, program_.call_limit);
@@ -426,7 +387,7 @@ class ProgramKernel final : public Kernel, public OtherProcess {
       Tensor& output = outputs_[i];
       if (output.spec().varies) output.set_rows(rows_of(answer, output.spec()));
       const auto bytes = output.used_bytes().size();
-      std::copy_n(memory_.at(layout_.outputs[i]), bytes, output.data());
+      std::copy_n(memory_.data() + layout_.outputs[i], bytes, output.data());
     }
     ++calls_;
   }
@@ -470,14 +431,14 @@ class ProgramKernel final : public Kernel, public OtherProcess {
   /// What it says next would be of another call.
   [[noreturn]] void fail(const std::string& how) {
     process_.reset();
-    throw_environment(
-        fmt::format("{}: {} {}", program_.workload, join(program_.command, " "), how));
+    throw_failed(program_, how);
   }
 
   Program program_;
   Layout layout_;
   SharedMemory memory_;
   int threads_;
+  std::vector<Tensor> parameters_;
   std::optional<Process> process_;  ///< None: the next call starts it.
   std::int64_t number_ = 0;
   std::int64_t calls_ = 0;  ///< Since it was started.

@@ -8,6 +8,7 @@
 #include <iterator>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -70,9 +71,9 @@ Nanos read_limit(const YamlNode& node) { return from_s(node.number(1, kLongestLi
 
 /// A global size: a number, or width or height of the workload.
 std::int64_t read_extent(const YamlNode& node) {
-  if (node.text() == "width") return kWidth;
-  if (node.text() == "height") return kHeight;
-  return node.integer(1, std::int64_t{1} << 31);
+  const auto extent = extent_from(node.text());
+  if (!extent) node.fail("is no size: a number from 1 on, width or height");
+  return *extent;
 }
 
 std::array<std::int64_t, 3> read_extents(const YamlNode& node) {
@@ -194,8 +195,10 @@ void read_program(const fs::path& file, const YamlNode& node, Definition& defini
 }
 
 /// A network on @p threads of the host's cores.
+/// @param places  Of each output among the network's.
 std::unique_ptr<Kernel> network_kernel(const std::string& name, const fs::path& model,
-                                       const std::optional<fs::path>& config, int threads) {
+                                       const std::optional<fs::path>& config,
+                                       const std::vector<std::size_t>& places, int threads) {
   const std::shared_ptr network = recognition::open_network(model, config);
   return std::make_unique<FunctionKernel>(
       [=](std::span<const Tensor> inputs, std::span<Tensor> outputs) {
@@ -206,16 +209,17 @@ std::unique_ptr<Kernel> network_kernel(const std::string& name, const fs::path& 
         const auto results = network->run(input.as<float>(), shape, error);
         if (!error.empty()) throw CallFailed(name + ": " + error);
         for (std::size_t i = 0; i < outputs.size(); ++i) {
-          if (i >= results.size() || results[i].shape != outputs[i].spec().shape) {
+          const std::size_t at = places[i];
+          if (at >= results.size() || results[at].shape != outputs[i].spec().shape) {
             throw CallFailed(
-                fmt::format("{}: output {} is not {}", name, i, outputs[i].spec().describe()));
+                fmt::format("{}: output {} is not {}", name, at, outputs[i].spec().describe()));
           }
-          std::ranges::copy(results[i].values, outputs[i].as<float>().begin());
+          std::ranges::copy(results[at].values, outputs[i].as<float>().begin());
         }
       });
 }
 
-/// What the network makes of its input.
+/// What the network makes of its input, by its names where they can be a tensor's.
 std::vector<TensorSpec> outputs_of(recognition::Network& network, const TensorSpec& input) {
   const std::vector<float> zeros(static_cast<std::size_t>(input.count()));
   const std::vector<int> shape(input.shape.begin(), input.shape.end());
@@ -227,11 +231,34 @@ std::vector<TensorSpec> outputs_of(recognition::Network& network, const TensorSp
   }
   std::vector<TensorSpec> specs;
   for (const auto& result : results) {
-    specs.push_back({.name = fmt::format("output{}", specs.size()),
+    const bool is_name = is_tensor_name(result.name) && result.name != input.name;
+    specs.push_back({.name = is_name ? result.name : fmt::format("output{}", specs.size()),
                      .element = Element::kF32,
                      .shape = result.shape});
   }
   return specs;
+}
+
+/// Of each declared output its place among those that the network makes: by name, or one after the
+/// other where they are called otherwise and none can be taken for another; empty if they are not
+/// the network's.
+std::vector<std::size_t> places_of(const std::vector<TensorSpec>& declared,
+                                   const std::vector<TensorSpec>& made) {
+  std::set<std::vector<std::int64_t>> shapes;
+  for (const TensorSpec& spec : made) shapes.insert(spec.shape);
+  const bool by_name = std::ranges::all_of(declared, [&made](const TensorSpec& spec) {
+    return std::ranges::find(made, spec.name, &TensorSpec::name) != made.end();
+  });
+  if (declared.size() != made.size() || (!by_name && shapes.size() < made.size())) return {};
+  std::vector<std::size_t> places;
+  for (std::size_t i = 0; i < declared.size(); ++i) {
+    const TensorSpec& spec = declared[i];
+    const auto named = std::ranges::find(made, spec.name, &TensorSpec::name) - made.begin();
+    const std::size_t at = by_name ? static_cast<std::size_t>(named) : i;
+    if (spec.element != made[at].element || spec.shape != made[at].shape || spec.varies) return {};
+    places.push_back(at);
+  }
+  return places;
 }
 
 void read_network(const fs::path& file, const YamlNode& node, Definition& definition) {
@@ -258,19 +285,16 @@ void read_network(const fs::path& file, const YamlNode& node, Definition& defini
     return outputs_of(*recognition::open_network(model, config), definition.inputs.front());
   });
   if (definition.outputs.empty()) definition.outputs = outputs;
-  const bool same =
-      std::ranges::equal(definition.outputs, outputs, [](const TensorSpec& a, const TensorSpec& b) {
-        return a.element == b.element && a.shape == b.shape && a.varies == b.varies;
-      });
-  if (!same) {
+  const auto places = places_of(definition.outputs, outputs);
+  if (places.empty()) {
     std::vector<std::string> made;
-    for (const TensorSpec& spec : outputs) made.push_back(tensor_text(spec));
-    node.at("outputs").fail("are not the network's: " + join(made, ", "));
+    for (const TensorSpec& spec : outputs) made.push_back(spec.name + ": " + tensor_text(spec));
+    node.at("outputs").fail("are not the network's, by its names: " + join(made, ", "));
   }
   definition.backends.emplace_back("cpu");
-  definition.functions = [name = definition.name, model, config](Size) {
+  definition.functions = [name = definition.name, model, config, places](Size) {
     return Functions{.cpu = [=](std::span<const Tensor>, int threads) {
-      return network_kernel(name, model, config, threads);
+      return network_kernel(name, model, config, places, threads);
     }};
   };
 }

@@ -58,7 +58,10 @@ class OpenCvNetwork : public Network {
       std::vector<cv::Mat> results;
       net_.forward(results, outputs_);
       std::vector<NetworkOutput> outputs;
-      for (const cv::Mat& result : results) outputs.push_back(output_of(result));
+      for (std::size_t i = 0; i < results.size(); ++i) {
+        outputs.push_back(output_of(results[i]));
+        outputs.back().name = outputs_[i];
+      }
       return outputs;
     } catch (const cv::Exception& failed) {
       error = first_line(failed.err);

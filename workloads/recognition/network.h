@@ -15,13 +15,15 @@ enum class ModelFormat : std::uint8_t { kDarknet, kCaffe, kOnnx };
 struct NetworkOutput {
   std::vector<std::int64_t> shape;
   std::vector<float> values;
+  std::string name = {};  ///< That the network has for it.
 };
 
 /// One thread at a time may use it.
 class Network {
  public:
   virtual ~Network() = default;
-  /// On as many threads as OpenCV has (opencv_threads.h).
+  /// On as many threads as OpenCV has (opencv_threads.h). Outputs come in OpenCV's order, of ONNX
+  /// in that of their names, whatever the file's is.
   /// @param shape  Of the input, [1, 3, height, width] of a picture.
   /// @param error  Set if the network does not run on it; the outputs are empty then.
   virtual std::vector<NetworkOutput> run(std::span<const float> input, std::span<const int> shape,

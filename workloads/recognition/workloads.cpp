@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <limits>
 #include <memory>
 #include <numeric>
 #include <utility>
@@ -102,23 +101,6 @@ std::vector<Tensor> reference(const Data& data) {
   return outputs;
 }
 
-Verdict verify(std::span<const Tensor> outputs, std::span<const Tensor> expected) {
-  static const auto close = verify_close(1e-4);
-  if (outputs.size() != expected.size()) {
-    return {false, std::numeric_limits<double>::infinity(), "another number of outputs"};
-  }
-  Verdict worst{true, 0, "nothing to compare"};
-  for (std::size_t i = 0; i < outputs.size(); ++i) {
-    const bool whole = expected[i].spec().element == Element::kI32;
-    const auto got = outputs.subspan(i, 1);
-    const auto want = expected.subspan(i, 1);
-    Verdict verdict = whole ? verify_exact(got, want) : close(got, want);
-    if (!verdict.ok) return verdict;
-    if (i == 0 || verdict.worst_error > worst.worst_error) worst = std::move(verdict);
-  }
-  return worst;
-}
-
 Data make_data(const DataRequest& request, bool describes) {
   Data data;
   Picture picture = request.images->rgb(picture_index(request.seed), kPictureWidth, kPictureHeight);
@@ -152,7 +134,7 @@ std::vector<Workload> all() {
     w.operation = std::move(function);
     w.make_data = [describes](const DataRequest& request) { return make_data(request, describes); };
     w.reference = reference;
-    w.verify = verify;
+    w.verify = verify_mixed(1e-4);
   }
   return all;
 }

@@ -413,6 +413,7 @@ Profile ProfileReader::read(std::string_view platform, RunRange runs) const {
   for (const RunInfo& run : profile.runs) read_means(*connection_, run.run_id, profile);
   sort_rows(profile);
   learn_workloads(profile);
+  doubt_older(profile);
   return profile;
 }
 
@@ -424,6 +425,16 @@ std::vector<std::int64_t> ProfileReader::finished_runs(std::string_view platform
   std::vector<std::int64_t> ids;
   while (query.step()) ids.push_back(query.integer(0));
   return ids;
+}
+
+std::vector<RunInfo> ProfileReader::unfinished_runs(std::string_view platform) const {
+  Statement query(*connection_,
+                  "SELECT run_id FROM run WHERE platform = ? AND finished IS NULL AND plan IS NOT "
+                  "NULL ORDER BY run_id DESC");
+  query.bind(platform);
+  std::vector<RunInfo> runs;
+  while (query.step()) runs.push_back(read_run(*connection_, query.integer(0)));
+  return runs;
 }
 
 void ProfileReader::read_samples(Profile& profile) const {

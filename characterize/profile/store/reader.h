@@ -45,6 +45,8 @@ class ProfileReader {
 
   /// The runs of a platform that ended, newest first.
   [[nodiscard]] std::vector<std::int64_t> finished_runs(std::string_view platform) const;
+  /// Those that did not end and have a plan, newest first.
+  [[nodiscard]] std::vector<RunInfo> unfinished_runs(std::string_view platform) const;
 
   /// Fills in the values of all rows: for whoever needs distributions, not medians alone.
   /// @param profile  Read from here.

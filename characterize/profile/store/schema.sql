@@ -38,6 +38,7 @@
 --            failed_processes: N (of the cell; one that fails is tried once more, and two end it),
 --            odd_stamps (of up to 1 % of the executions, which are left out),
 --            unverified (it has no reference: held against the first unit's outputs, and its own), program: TEXT (what a call to it takes),
+--            slices: TEXT (its calls have others than its module says, which schedules believe),
 --            deterministic (the figure repeats exactly: one sample is all there is, its interval has no width)
 --            live (calls of a live run, `pirt schedule --update-profile`: one process, other calls between them)
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %

@@ -33,6 +33,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::IsSupersetOf;
 using ::testing::Not;
+using ::testing::SizeIs;
 using ::testing::StartsWith;
 using ::testing::UnorderedElementsAre;
 
@@ -436,6 +437,28 @@ peaks_g_s: {f32: 1, bandwidth_l2: 100}
   EXPECT_TRUE(is_valid(*profile.find_peak("gpu", PeakKind::kBandwidthL2)));
   EXPECT_THAT(warnings, ElementsAre(HasSubstr("the f32 peak is not valid: exceeded by fc8")));
   EXPECT_FALSE(rooflines(profile).find("fc8", "gpu")->fraction.has_value());
+}
+
+TEST_F(Campaign, EndsWhereAUnitHasAnotherDeviceAndKeepsWhatWasMeasured) {
+  auto o = options({}, "^pool5$");
+  o.platform_argument = "fake";
+  o.platform = load_platform("fake");
+  o.units = {"gpu"};
+  CampaignPlan plan = plan_campaign(o);
+  ProgressSink sink;
+  sink.progress = [&plan](const Progress& progress) {
+    if (progress.step.starts_with("process 3")) plan.devices.front().version = "0";
+  };
+  EXPECT_THAT(error_of(ErrorCode::kEnvironment, [&] { return run_campaign(o, plan, sink); }),
+              AllOf(HasSubstr("unit gpu has version '1' in place of '0' since run 1 began"),
+                    HasSubstr("--resume")));
+  EXPECT_THAT(find_unfinished_run(o.database).value().visits, SizeIs(2));
+  // A peak is one of the device, too.
+  plan = plan_campaign(o);
+  plan.cells.clear();
+  plan.devices.front().version = "0";
+  EXPECT_THAT(error_of(ErrorCode::kEnvironment, [&] { return run_campaign(o, plan, {}); }),
+              HasSubstr("unit gpu has version '1' in place of '0' since run 2 began"));
 }
 
 TEST_F(Campaign, EveryRecordedFactHasItsKind) {

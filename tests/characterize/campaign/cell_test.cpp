@@ -323,19 +323,32 @@ TEST_F(Cell, AContendedRowReachesDownToWhatProcessorTimeSays) {
   EXPECT_EQ(interval->high, from_ms(40));
 }
 
-TEST_F(Cell, CoresThatACallLeavesIdleAreNotTakenFromIt) {
-  platform.units[0].cores = {0, 1, 2, 3, 4, 5, 6, 7};
-  for (int i = 0; i < 8; ++i) {
+/// Processes whose calls of 40 ms compute on one core; others use so much beside each.
+void add_serial(CellMeasurement& cell, std::initializer_list<double> others) {
+  for (const double each : others) {
     JobResult result = a_process(40);
-    for (PhaseSamples& each : result.phases) {
-      if (each.phase == Phase::kCall) each.cpu.assign(each.samples.size(), from_ms(40));
+    for (PhaseSamples& samples : result.phases) {
+      if (samples.phase == Phase::kCall) samples.cpu.assign(samples.samples.size(), from_ms(40));
     }
-    result.during_calls = {.contended = true, .others = 0.48};
+    result.during_calls = {.contended = each > 0, .others = each};
     cell.add(cell.next().value_or(Visit{}).setup, result);
   }
+}
+
+TEST_F(Cell, CoresThatACallLeavesIdleAreNotTakenFromIt) {
+  platform.units[0].cores = {0, 1, 2, 3, 4, 5, 6, 7};
+  add_serial(cell, {0.48, 0.48, 0.48, 0.48, 0.48, 0.48, 0.48, 0.48});
   const PhaseRecord call = row(Phase::kCall);
   ASSERT_TRUE(call.taken.has_value());
   EXPECT_NEAR(*call.taken, 0.48, 1e-9);
+}
+
+TEST_F(Cell, FromProcessesWithoutOthersNothingIsTaken) {
+  platform.units[0].cores = {0, 1, 2, 3, 4, 5, 6, 7};
+  add_serial(cell, {0.3, 0, 0, 0});
+  const PhaseRecord call = row(Phase::kCall);
+  EXPECT_THAT(call.notes, Contains("contended"));
+  EXPECT_EQ(call.taken, 0);
 }
 
 TEST_F(Cell, OfFewProcessesSaysThatOthersMayDiffer) {
@@ -380,6 +393,24 @@ TEST_F(Cell, AFailureOfOneProcessIsTriedAgainAndNoted) {
   EXPECT_TRUE(row(Phase::kCall).reasons.empty());
   EXPECT_THAT(row(Phase::kCall).notes, Contains("failed_processes: 1"));
   EXPECT_EQ(row(Phase::kCall).samples.size(), 20U);
+}
+
+TEST_F(Cell, AReferenceThatFailedTwiceIsTwoFailedProcesses) {
+  const CellRequest request{platform,
+                            platform.units[0],
+                            find_backend("fake"),
+                            find_workload("pool5"),
+                            Job(),
+                            Provenance::kModelled,
+                            2,
+                            0.02,
+                            folder.path(),
+                            [](std::string_view) {}};
+  const CellRecord record = failed_cell(request, "crashed");
+  ASSERT_FALSE(record.phases.empty());
+  for (const PhaseRecord& each : record.phases) {
+    EXPECT_THAT(each.notes, Contains("failed_processes: 2"));
+  }
 }
 
 TEST_F(Cell, AFailureThatThereWasNoTimeToTryAgainIsSaid) {

@@ -227,6 +227,24 @@ TEST_F(Rounds, KeepWhatWasMeasuredWhenInterrupted) {
               ElementsAre("few_samples"));
 }
 
+TEST_F(Rounds, KeepWhatABoardDrawsAwakeWhenInterrupted) {
+  ::setenv("PIRT_NVML", test::kNvmlStandIn, 1);
+  ::setenv("NVML_STAND_IN", "boards=01 step_ms=2 call_w=1000", 1);
+  std::atomic<bool> stop = false;
+  auto o = options({{"gpu", ""}});
+  o.platform.units.front().meter = "nvidia/0000:01:00.0";
+  o.stop = &stop;
+  auto plan = plan_campaign(o);
+  plan.meters.at("gpu").window = from_ms(10);
+  ProgressSink sink;
+  sink.stored = [&stop](const CellName&) { stop = true; };
+  summary = run_campaign(o, plan, sink);
+  ::setenv("PIRT_NVML", "none", 1);
+  ::unsetenv("NVML_STAND_IN");
+  EXPECT_TRUE(summary.interrupted);
+  EXPECT_TRUE(load_profile(o.database).runs.front().figure("meter.gpu.awake_w").has_value());
+}
+
 TEST_F(Rounds, GoOnWithAnInterruptedRun) {
   std::atomic<bool> stop = false;
   auto o = shipped("^pool[25]$");

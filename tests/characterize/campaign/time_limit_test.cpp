@@ -147,8 +147,12 @@ TEST_F(TimeLimit, IsToBeRaisedWhereItIsSpent) {
   o.max_time = Nanos(1);
   run(o);
   EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return plan_campaign(resumed()); }),
-              ::testing::AllOf(HasSubstr("has spent its time"), HasSubstr("--max-time")));
+              ::testing::AllOf(HasSubstr("has spent its time"), HasSubstr("--max-time 1min")));
   auto rest = resumed();
+  rest.resumed->spent = std::chrono::minutes(10);  // A raised time, which the run does not keep.
+  EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return plan_campaign(rest); }),
+              HasSubstr("--max-time 20min"));
+  rest = resumed();
   rest.max_time = std::chrono::minutes(5);
   rest.precision_time.reset();
   run(rest);
@@ -165,6 +169,34 @@ TEST_F(TimeLimit, KeepsTheFasterPeaks) {
   const PeakKind kind = known.kind;
   run(rest);
   EXPECT_EQ(load_profile(folder / "p.db").find_peak("gpu", kind)->per_second, 5e15);
+}
+
+// The signal came when all cells were stored, so that the rest has none.
+TEST_F(TimeLimit, JudgesThePeaksByCellsOfBefore) {
+  std::atomic<bool> stop = false;
+  auto o = shipped("^fc8$");
+  o.stop = &stop;
+  o.unit_times = [&stop](const UnitRecord&) {
+    UnitTimePart part;
+    part.samples = 2;
+    part.measure = [&stop](int) {
+      stop = true;
+      return std::vector<Nanos>{from_ms(1)};
+    };
+    return std::vector{part};
+  };
+  run(o);
+  EXPECT_EQ(summary.cells, 1);
+  EXPECT_TRUE(summary.interrupted);
+  auto rest = resumed();
+  const auto known = std::ranges::find(rest.resumed->peaks, PeakKind::kF32, &PeakRow::kind);
+  ASSERT_NE(known, rest.resumed->peaks.end());
+  known->per_second = 1;
+  known->reasons.clear();
+  run(rest);
+  EXPECT_EQ(summary.cells, 0);
+  EXPECT_THAT(load_profile(folder / "p.db").find_peak("gpu", PeakKind::kF32)->reasons,
+              ElementsAre("exceeded by fc8"));
 }
 
 TEST_F(TimeLimit, WhatTheMixNeedsComesFirstAndAllOnceBeforeAnyTwice) {

@@ -27,9 +27,10 @@ struct Choice {
 };
 
 Choice choose(const test::SysfsTree& tree, const UnitModel& unit, bool device_is_cpu = true,
-              bool simulated = false) {
+              bool simulated = false, bool has_model = true) {
   const auto found = discover_meters(tree.root());
-  const auto choice = choose_meters(found, {unit, device_is_cpu, simulated}, tree.root());
+  const auto choice =
+      choose_meters(found, {unit, device_is_cpu, simulated, "", has_model}, tree.root());
   return {names_of(choice.meters), choice.remark};
 }
 
@@ -127,14 +128,14 @@ TEST(MeterChoice, SimulatedUnitsHaveOneOnlyByName) {
 TEST(MeterChoice, ADeviceOfItsOwnHasNoWattsOfTheHostsCores) {
   const test::SysfsTree tree;
   UnitModel unit = unit_with("");
-  unit.active_w = 10;
+  const auto remark = [&] { return choose(tree, unit, false, false, false).remark; };
+  EXPECT_THAT(remark(), HasSubstr("cpu is not known: its device has no meter; give it with"));
   unit.watts_of_host_cores = true;
-  EXPECT_EQ(choose(tree, unit, true).remark, "");
-  EXPECT_THAT(choose(tree, unit, false).remark,
-              HasSubstr("energy of unit cpu is not known: its device has no meter"));
+  EXPECT_EQ(choose(tree, unit).remark, "");
+  EXPECT_THAT(remark(), HasSubstr("no meter, and the platform's watts are of the host's cores"));
   tree.write("class/hwmon/hwmon0/name", "amdgpu");
   tree.fail_with_eio("class/hwmon/hwmon0/power1_input");
-  EXPECT_THAT(choose(tree, unit, false).remark, HasSubstr("is not known: amdgpu/power1: "));
+  EXPECT_THAT(remark(), HasSubstr("is not known: amdgpu/power1: "));
 }
 
 TEST(MeterChoice, WithoutMetersThereIsNothingToSay) {

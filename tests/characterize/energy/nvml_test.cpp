@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include "characterize/campaign/campaign_meters.h"
 #include "characterize/energy/choice.h"
 #include "characterize/energy/metered_calls.h"
 #include "characterize/energy/window.h"
@@ -39,6 +40,20 @@ class Nvml : public testing::Test {
   }
   [[nodiscard]] std::string problem(const std::string& script, bool device_open = false) const {
     return discover(script, device_open).meters.at(0)->info().problem;
+  }
+
+  /// Of unit gpu on a board where it has nothing but what @p keys say.
+  [[nodiscard]] CampaignPlan planned(const std::string& script, const std::string& keys) const {
+    ::setenv("NVML_STAND_IN", script.c_str(), 1);
+    CampaignOptions options;
+    options.platform = parse_platform(
+        "t.yaml", "platform: t\nunits: {gpu: {backend: opencl" + keys + "}}\n", {}, 1);
+    options.sysfs = tree_.root();
+    CampaignPlan plan;
+    plan.units = {{"gpu", "opencl", "a gpu", false, {}}};
+    plan.provenances = {Provenance::kMeasured};
+    plan_meters(options, plan);
+    return plan;
   }
 
  private:
@@ -92,6 +107,27 @@ TEST_F(Nvml, ABoardInPartsIsNoMeter) {
   const auto choice = choose(found, "0000:01:00.0");
   EXPECT_THAT(choice.meters, IsEmpty());
   EXPECT_THAT(choice.remark, HasSubstr("MIG is on"));
+}
+
+TEST_F(Nvml, WithoutMeterThereIsAModelOnlyWhereThereAreWatts) {
+  const auto remark = [&](const std::string& keys) {
+    return planned("mig=1", keys).facts.at("meter.gpu_unknown");
+  };
+  EXPECT_THAT(remark(""), HasSubstr("energy of unit gpu is not known: nvidia/"));
+  EXPECT_THAT(remark(", active_w: 5, watts_of: host_cores"),
+              HasSubstr("gpu is not known: nvidia/"));
+  EXPECT_THAT(remark(", active_w: 5"), HasSubstr("energy of unit gpu is modelled: nvidia/"));
+}
+
+TEST_F(Nvml, WhatItsStepsTakeIsKeptForEachCell) {
+  CampaignPlan plan = planned("step_ms=20", "");
+  MeterRequest& meter = plan.meters.at("gpu");
+  EXPECT_GE(meter.step, std::chrono::milliseconds(18));
+  // Three times 15 steps and three windows of 5; opening and preparing takes 2 s.
+  meter.step = std::chrono::milliseconds(200);
+  meter.window = metering_window({}, meter.window, meter.step);
+  EXPECT_EQ(metering_time(plan, "gpu"), std::chrono::seconds(20));
+  EXPECT_EQ(metering_time(plan, "cpu"), Nanos(0));
 }
 
 TEST_F(Nvml, ABoardThatOthersComputeOnIsNoMeter) {

@@ -174,6 +174,11 @@ TEST(Platform, SaysWhichDevicesItsWattsAreOf) {
   EXPECT_EQ(on_device(unit(assumed), false).active_w, 0);
   EXPECT_EQ(on_device(unit(assumed), false).standing_w(), 0);
   EXPECT_EQ(on_device(unit(assumed, {{"gpu.active_w", "5"}}), false).active_w, 5);
+  const auto set =
+      on_device(unit(assumed, {{"gpu.energy.call_j", "7"}, {"gpu.held_w", "6"}}), false);
+  EXPECT_EQ(set.call_j, 7);
+  EXPECT_EQ(set.active_w, 0) << "which the user did not say";
+  EXPECT_EQ(set.standing_w(), 6);
   const std::string fitted = assumed + ", energy: {call_j: 1, provenance: fitted}";
   EXPECT_EQ(on_device(unit(fitted), false).call_j, 1) << "to what a meter showed of the device";
   EXPECT_THAT(refused_unit("watts_of: hostcores"), HasSubstr("host_cores"));
@@ -230,11 +235,29 @@ TEST(Platform, SaysWhereInTheFileTheScriptOfAFakeUnitIsWrong) {
                    script);
   };
   EXPECT_EQ(with("      device_init_ms: 1e-7\n"),
-            "p.yaml:7: units.gpu.script: a duration in ms must be 0 or at least 1e-06 (a "
+            "p.yaml:7: units.gpu.script.device_init_ms: must be 0 or at least 1e-06 (a "
             "nanosecond), got 1e-7");
   EXPECT_THAT(with("      cache_kb: 010\n"),
-              StartsWith("p.yaml:7: units.gpu.script: a size in kB"));
+              StartsWith("p.yaml:7: units.gpu.script.cache_kb: must be"));
   EXPECT_THAT(with("      devise: x\n"), HasSubstr("did you mean device"));
+  EXPECT_EQ(with("      seed: 2\n"), "p.yaml:7: units.gpu.script.seed: given twice");
+}
+
+TEST(Platform, RefusesUnknownWorkloadsInTheScriptOfAFakeUnit) {
+  const auto with = [](const std::string& script) {
+    return refused_unit("backend: fake, script: {" + script + "}");
+  };
+  EXPECT_THAT(with("crash: [sobel, sobl]"),
+              AllOf(StartsWith("p.yaml:2: units.cpu.script.crash[1]: there is no workload 'sobl'"),
+                    HasSubstr("did you mean sobel")));
+  for (const char* key :
+       {"stages: {sobl: [{ms: 1}]}", "samples_ms: {sobl: [1]}", "wrong_output_after: {sobl: 1}"}) {
+    EXPECT_THAT(with(key), HasSubstr("there is no workload 'sobl'")) << key;
+  }
+  const auto platform = parse(
+      "platform: p\nunits: {gpu: {backend: fake, script: "
+      "{hang: [mine.icp, sobel@640x480, fc6@int8], samples_ms: {ncnn.alexnet: [1]}}}}\n");
+  EXPECT_THAT(platform.unit("gpu").script, HasSubstr("sobel@640x480"));
 }
 
 TEST(Platform, ReadsTextOfSeveralLinesAsOne) {

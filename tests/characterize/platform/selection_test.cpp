@@ -44,6 +44,17 @@ TEST(ChooseWorkloads, TheFilterMayNameThemItself) {
               UnorderedElementsAre("sobel@1280x720", "sobel@640x480", "sobel@map"));
   EXPECT_THAT(chosen("^sobel@(map|1280x720)$"),
               UnorderedElementsAre("sobel@map", "sobel@1280x720"));
+  EXPECT_THAT(chosen("^sobel@1280x720@map$"), ElementsAre("sobel@1280x720@map"));
+  EXPECT_THAT(chosen("^conv3@26x20@(batch4|int8)$"),
+              UnorderedElementsAre("conv3@26x20@batch4", "conv3@26x20@int8"));
+}
+
+// Others have no such size.
+TEST(ChooseWorkloads, ASizeIsMadeOfThoseThatAreWanted) {
+  EXPECT_THAT(chosen("^sobel@8x8$"), ElementsAre("sobel@8x8"));
+  EXPECT_THAT(chosen("^sobel@8x8"), ElementsAre("sobel@8x8")) << "nobody asks for variants of it";
+  EXPECT_EQ(choose_workloads("^sobel$", {}, std::nullopt, {"8x8"}).size(), 2U);
+  EXPECT_THROW(static_cast<void>(choose_workloads("^conv1@8x8$")), Error);
 }
 
 TEST(ChooseWorkloads, RefusesWhatThereIsNot) {

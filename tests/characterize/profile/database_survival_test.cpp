@@ -120,7 +120,7 @@ std::set<std::string> stored_cells(const std::filesystem::path& path, std::int64
 
 TEST(DatabaseSurvival, KeepsEveryAcknowledgedCellWhenItsWriterIsKilled) {
   const TemporaryFolder folder;
-  const auto [first, kills] = test::repetitions(15, 500);
+  const auto [first, kills] = test::repetitions(8, 500);
   Random random(500 + static_cast<std::uint64_t>(first));
   std::set<std::string> acknowledged;
   std::size_t total = 0;

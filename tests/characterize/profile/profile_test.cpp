@@ -4,11 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "characterize/profile/own_rows.h"
 #include "characterize/profile/records.h"
 #include "characterize/profile/store/reader.h"
 #include "characterize/profile/store/writer.h"
 #include "characterize/statistics/statistics.h"
 #include "tests/characterize/profile/database_support.h"
+#include "workloads/own/definition.h"
 
 namespace pirt {
 namespace {
@@ -21,6 +23,37 @@ using test::write_one_run;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+
+// Runs on several units are one profile; what was edited between them does not stand beside itself.
+TEST(Profile, DoubtsWhatWasMeasuredOfAnotherFileThanTheNewestRun) {
+  const TemporaryFolder folder;
+  own::Definition definition;
+  definition.name = "my.changing";
+  definition.source = "/robot/w.yaml";
+  definition.outputs = {own::tensor_from("out", "u8[4]")};
+  definition.backends = {"cpu"};
+  {
+    ProfileWriter writer(folder / "p.db");
+    for (const char* unit : {"gpu", "cpu"}) {
+      definition.digest = std::string("digest of ") + unit;
+      RunHeader header = small_run();
+      header.environment.merge(own_facts(own::to_workload(definition)));
+      const auto run = writer.begin_run(header);
+      writer.write_cell(run, small_cell("my.changing", unit));
+      writer.finish_run(run, "2024-01-02T03:05:00Z");
+    }
+  }
+  const Profile profile = load_profile(folder / "p.db");
+  for (const char* unit : {"gpu", "cpu"}) {
+    SCOPED_TRACE(unit);
+    const auto count = unit == std::string("gpu") ? 1 : 0;
+    const PhaseRow* const call = profile.find("my.changing", unit, Phase::kCall);
+    const EnergyRow* const energy = profile.find_energy("my.changing", unit);
+    ASSERT_TRUE(call != nullptr && energy != nullptr);
+    EXPECT_EQ(std::ranges::count(call->doubts, kChanged), count);
+    EXPECT_EQ(std::ranges::count(energy->doubts, kChanged), count);
+  }
+}
 
 TEST(Profile, RoundTripsEveryField) {
   const TemporaryFolder folder;

@@ -5,8 +5,11 @@
 
 #include <sstream>
 
+#include "characterize/worker/job_runner.h"
 #include "characterize/worker/worker.h"
 #include "tests/characterize/support.h"
+#include "tests/support/paths.h"
+#include "workloads/base/system/affinity.h"
 #include "workloads/base/text/json.h"
 
 namespace pirt {
@@ -14,6 +17,7 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 TEST(Job, RoundTrips) {
   Job job;
@@ -119,6 +123,39 @@ TEST(Worker, ReportsAnUnknownBackend) {
   std::ostringstream records;
   EXPECT_EQ(run_worker(in, records), kExitBadInput);
   EXPECT_THAT(last_record(records.str()).error, HasSubstr("abacus"));
+}
+
+// One core is the program's whenever it computes; a part of it may be another test's.
+TEST(Worker, TakesTheTimeOfItsProgramForItsOwn) {
+  const test::TemporaryFolder folder;
+  test::write_bytes(folder / "busy.py", R"(import hashlib, json, sys
+sys.stdin.readline()
+print('{"ready": true}', flush=True)
+for line in sys.stdin:
+    asked = json.loads(line)
+    if "call" in asked:
+        hashlib.sha256(bytes(8_000_000)).digest()
+    print(json.dumps({"done": asked.get("call", asked.get("null"))}), flush=True)
+)");
+  test::write_bytes(folder / "own.yaml", R"(workloads:
+  - name: my.busy
+    inputs: {in: "u8[8]"}
+    outputs: {out: "u8[8]"}
+    command: [python3, busy.py]
+)");
+  Job job;
+  job.kind = JobKind::kSample;
+  job.backend = "cpu";
+  job.unit = {"cpu", {current_cores().front()}, "", ""};
+  job.own = (folder / "own.yaml").string();
+  job.workload = "my.busy";
+  job.sampling.slice = std::chrono::milliseconds(300);
+  const auto result = JobRunner(test::kTestWorker, std::chrono::seconds(60), nullptr).run(job);
+  ASSERT_EQ(result.value().error, "");
+  EXPECT_LT(result->during_calls.others.value(), 0.9);
+  const auto call = std::ranges::find(result->phases, Phase::kCall, &PhaseSamples::phase);
+  ASSERT_NE(call, result->phases.end());
+  EXPECT_THAT(call->cpu, IsEmpty()) << "what this process computed of it says nothing";
 }
 
 TEST(Worker, ProbesAFakeUnit) {

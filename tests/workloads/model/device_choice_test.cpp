@@ -115,5 +115,20 @@ TEST(DeviceChoice, OfOwnMemoryIsNeitherTheHostsCoresNorAGpuInItsProcessor) {
               AllOf(HasSubstr("no device has memory of its own"), HasSubstr("0: \"UHD 630\"")));
 }
 
+TEST(DeviceChoice, SaysWhatAnotherDeviceHas) {
+  DeviceInfo now = kTwoCards[1];
+  now.remark = "out of reach";
+  EXPECT_EQ(other_device(kTwoCards[1], now), "");
+  now.version = "2";
+  now.pci = "";
+  EXPECT_EQ(other_device(kTwoCards[1], now),
+            "version '2' in place of '1', PCI id '' in place of '0000:01:00.0'");
+  now = kTwoCards[1];
+  now.tuning = "fc_rows=2";
+  EXPECT_EQ(other_device(kTwoCards[1], now), "tuning 'fc_rows=2' in place of ''");
+  EXPECT_EQ(other_device(kTwoDrivers[0], kTwoDrivers[1]),
+            "device 'NV164' in place of 'NVIDIA T4', driver 'rusticl' in place of 'NVIDIA CUDA'");
+}
+
 }  // namespace
 }  // namespace pirt

@@ -6,6 +6,7 @@
 #include "tests/support/errors.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/catalog/own_list.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/own/guarded_memory.h"
 
 namespace pirt::own {
@@ -102,9 +103,41 @@ TEST(OwnDefinition, RefusesWhatIsNone) {
   refuses([](Definition& d) { d.inputs.front().shape = {}; }, "dimensions");
   refuses([](Definition& d) { d.inputs.front().shape = {1 << 20, 1 << 20}; }, "bytes");
   refuses([](Definition& d) { d.inputs.front().ranges = {{2, 1}}; }, "range");
+  refuses([](Definition& d) { d.inputs.front().ranges = {{0.2, 0.8}}; }, "range");
   refuses([](Definition& d) { d.frames = 0; }, "frames");
   refuses([](Definition& d) { d.tolerance = 2; }, "tolerance");
   refuses([](Definition& d) { d.backends = {"opencl"}; }, "lists");
+}
+
+TEST(OwnDefinition, IsMeasuredWithNumbersOfItsRanges) {
+  Definition made = blur();
+  made.inputs = {tensor_from("bit", "u8[1000]"), tensor_from("part", "f32[1000]")};
+  made.inputs[0].ranges = {{0.2, 1}};
+  made.inputs[1].ranges = {{0.1, 0.1 + 3e-8}};
+  made.functions = [](Size) { return Functions{}; };
+  const auto images = generated_images(1);
+  const Data data = to_workload(made).make_data({.seed = 1, .images = images.get(), .frame = 0});
+  for (const Tensor& input : data.inputs) EXPECT_EQ(out_of_range(input), "");
+}
+
+// Of stereo or motion nothing could be seen in a picture beside itself.
+TEST(OwnDefinition, IsMeasuredWithPicturesThatFollowEachOther) {
+  Definition made = blur();
+  made.inputs = {tensor_from("left", "u8[48,64]"), tensor_from("right", "u8[48,64]"),
+                 tensor_from("colour", "u8[3,48,64]")};
+  made.functions = [](Size) { return Functions{}; };
+  const Workload pair = to_workload(made);
+  const auto images = generated_images(1);
+  const auto pixels = [&](int frame, std::size_t input) {
+    const Data data = pair.make_data({.seed = 1, .images = images.get(), .frame = frame});
+    const auto all = data.inputs[input].as<std::uint8_t>();
+    return std::vector(all.begin(), all.end());
+  };
+  EXPECT_NE(pixels(0, 0), pixels(0, 1));
+  EXPECT_EQ(pixels(0, 1), pixels(1, 0));
+  const auto third = images->rgb(picture_index(1) + 2, 64, 48);
+  const auto colour = third.pixels.as<std::uint8_t>();
+  EXPECT_EQ(pixels(0, 2), std::vector(colour.begin(), colour.end()));
 }
 
 TEST(OwnList, FindsWhatWasMadeKnownInAllItsSizes) {
@@ -122,6 +155,18 @@ TEST(OwnList, FindsWhatWasMadeKnownInAllItsSizes) {
   EXPECT_EQ(try_find_workload("mine.known@large"), nullptr);
   EXPECT_THAT(files_of({"mine.known@1280x720", "sobel", "mine.known"}),
               ElementsAre("/robot/libmine.so"));
+  EXPECT_EQ(try_find_workload("mine.known@map"), nullptr) << "it has a state and a list";
+  known.name = "mine.plain";
+  known.state.clear();
+  known.outputs.pop_back();
+  one.clear();
+  one.push_back(to_workload(known));
+  make_known(std::move(one));
+  const Workload& mapped = find_workload("mine.plain@map");
+  EXPECT_EQ(mapped.variant, "map");
+  EXPECT_EQ(&mapped, &find_workload("mine.plain@map"));
+  EXPECT_EQ(find_workload("mine.plain@64x48@map").inputs.front().shape.front(), 48);
+  EXPECT_EQ(try_find_workload("mine.plain@int8"), nullptr);
 }
 
 TEST(Sizes, AreOfPicturesAndLayers) {

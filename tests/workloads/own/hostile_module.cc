@@ -1,5 +1,8 @@
 // A module whose kernels do what no kernel should: each costs one cell, and nothing else.
 #include <unistd.h>
+#ifdef __x86_64__
+#include <xmmintrin.h>
+#endif
 
 #include <chrono>
 #include <cstdint>
@@ -65,6 +68,15 @@ void be_wrong(const Call& call) {
   copy(call);
   call.output<uint8_t>(0)[5] ^= 1;
 }
+void write_half(const Call& call) {
+  const auto input = call.input<uint8_t>(0);
+  const auto output = call.output<uint8_t>(0);
+  for (int64_t i = 0; i < input.count(); i += 2) output[i] = input[i];
+}
+#ifdef __x86_64__
+/// As -ffast-math has it done: denormals are 0.
+__attribute__((constructor)) void flush_denormals() { _mm_setcsr(_mm_getcsr() | 0x8040); }
+#endif
 /// Adds the input to what it keeps, and gives the sum.
 void add_up(const Call& call) {
   const auto input = call.input<int32_t>(0);
@@ -90,6 +102,18 @@ Workload copies(const char* name) {
       .input<uint8_t>("from", {101})
       .output<uint8_t>("to", {101});
 }
+int make_nine(uint64_t, int32_t, pirt_tensor* inputs, pirt_tensor*) {
+  static_cast<uint8_t*>(inputs[0].data)[0] = 9;
+  return 0;
+}
+/// It says that its input is 0 or 1.
+Workload out_of_range() {
+  Workload made = copies("outside");
+  auto& input = const_cast<pirt_tensor_spec&>(*made.raw().inputs);
+  input.has_range = 1, input.low = 0, input.high = 1;
+  made.raw().make_inputs = make_nine;
+  return made;
+}
 Workload lists(const char* name) {
   Workload made = Workload(std::string("bad.") + name).input<uint8_t>("image", {kHeight, kWidth});
   made.output<int32_t>("bright", {4096}).size(64, 64);
@@ -105,7 +129,8 @@ PIRT_MODULE(copies("good").cpu<copy>().reference<copy>(), copies("crash").cpu<cr
             copies("throws").cpu<throw_something>(), copies("throws_5").cpu<throw_a_number>(),
             copies("prints").cpu<print>().reference<copy>(), copies("ends").cpu<end>(),
             copies("thread").cpu<leave_a_thread>(),
-            copies("wrong").cpu<be_wrong>().reference<copy>(),
+            copies("wrong").cpu<be_wrong>().reference<copy>(), copies("half").cpu<write_half>(),
+            copies("slices").cpu<copy>().slices(4), out_of_range().cpu<copy>(),
             Workload("bad.sum")
                 .input<int32_t>("more", {16})
                 .output<int32_t>("all", {16})

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <stop_token>
@@ -101,6 +102,12 @@ TEST_F(OwnModule, HearsByACopyOfItsCallThatItIsStopped) {
   kernel->bind(inputs, outputs);
   EXPECT_NO_THROW(static_cast<void>(kernel->execute(1)));
   tell_stop_of_call(nullptr);
+}
+
+TEST_F(OwnModule, LeavesArithmeticAsItWas) {
+  static_cast<void>(load(test::kHostileModule));
+  const volatile double least = std::numeric_limits<double>::min();
+  EXPECT_NE(least / 2, 0.0);
 }
 
 TEST_F(OwnModule, OfVersion1IsLoadedForEver) {
@@ -417,6 +424,54 @@ TEST_F(OwnProgramRun, ThatFailsIsStartedAnew) {
     EXPECT_THAT(failure(*kernel), AllOf(HasSubstr("my.p"), HasSubstr(why)));
     EXPECT_THAT(call(*kernel), ElementsAre(2, 3, 4));
   }
+}
+
+TEST_F(OwnProgramRun, HasItsParametersAlsoWhenItIsStartedAnew) {
+  Program spoils = program("",
+                           "memory[at['out']['offset']] = memory[at['add']['offset']]\n"
+                           "    memory[at['add']['offset']] = 99\n"
+                           "    if not os.path.exists('done'):\n"
+                           "        open('done', 'w')\n"
+                           "        os.abort()");
+  spoils.parameters = {{.name = "add", .element = Element::kU8, .shape = {1}}};
+  bind(spoils);
+  auto parameters = make_tensors(spoils.parameters);
+  parameters[0].as<std::uint8_t>()[0] = 7;
+  const auto kernel = make_program_kernel(spoils, parameters, 1);
+  EXPECT_THAT(failure(*kernel), HasSubstr("crashed"));
+  EXPECT_THAT(call(*kernel), ElementsAre(7, 3, 4));
+}
+
+/// What of the group is not its first process, in KiB; 0 if there is nothing.
+std::int64_t resident_beside_kib(pid_t group) {
+  for (const auto& entry : fs::directory_iterator("/proc")) {
+    const pid_t other = std::atoi(entry.path().filename().c_str());
+    if (other <= 0 || other == group || ::getpgid(other) != group) continue;
+    std::ifstream status(entry.path() / "status");
+    for (std::string word; status >> word;) {
+      std::int64_t kib = 0;
+      if (word == "VmRSS:" && status >> kib) return kib;
+    }
+  }
+  return 0;
+}
+
+TEST_F(OwnProgramRun, IsWatchedByWhatIsSmall) {
+  constexpr std::int64_t kSmallKib = 10 << 10;
+  const Tensor much({"much", Element::kU8, {4 * kSmallKib << 10}});
+  const Program good = program("open('pid', 'w').write(str(os.getpid()))", "pass");
+  bind(good);
+  const auto kernel = make_program_kernel(good, {}, 1);
+  pid_t group = 0;
+  std::ifstream(folder_ / "pid") >> group;
+  ASSERT_GT(group, 0);
+  // It is a copy of this process for a moment.
+  const auto is_small = [group] {
+    const std::int64_t kib = resident_beside_kib(group);
+    return kib > 0 && kib < kSmallKib;
+  };
+  for (int i = 0; i < 100 && !is_small(); ++i) ::usleep(20'000);
+  EXPECT_TRUE(is_small()) << resident_beside_kib(group) << " KiB beside " << much.count();
 }
 
 // Its end is seen all the same, and at once.

@@ -14,6 +14,8 @@
 #include "tests/support/errors.h"
 #include "workloads/base/text/text.h"
 #include "workloads/inputs/pictures/images.h"
+#include "workloads/model/own_operation.h"
+#include "workloads/own/own.h"
 #include "workloads/recognition/describe_scene.h"
 #include "workloads/recognition/opencv_threads.h"
 
@@ -239,6 +241,36 @@ TEST_F(Models, RefuseImagesOfAWrongDepthOrShape) {
   EXPECT_THAT(run({"image", Element::kI16, {3, 8, 8}}), HasSubstr("i16[3,8,8]"));
   EXPECT_THAT(run({"image", Element::kU8, {4, 8, 8}}), HasSubstr("u8[4,8,8]"));
   EXPECT_THAT(run({"image", Element::kU8, {8, 8}}), HasSubstr("u8[8,8]"));
+}
+
+// OpenCV has them in the order of their names.
+TEST_F(Models, OutputsOfAWorkloadFileAreThoseThatItNames) {
+  const std::string graph =
+      node("image", "b", "GlobalMaxPool") + node("image", "a", "GlobalAveragePool") +
+      bytes(2, "g") + bytes(11, tensor_info("image", {1, 3, 8, 8})) +
+      bytes(12, tensor_info("b", {1, 3, 1, 1})) + bytes(12, tensor_info("a", {1, 3, 1, 1}));
+  write("two.onnx", number(1, 7) + bytes(7, graph) + bytes(8, bytes(1, "") + number(2, 13)));
+  const auto load = [this](const std::string& first, const std::string& second) {
+    const std::string shape = ": \"f32[1,3,1,1]\"";
+    return own::load(write("w.yaml",
+                           "workloads:\n  - name: my.two\n    network: two.onnx\n"
+                           "    inputs: {image: \"f32[1,3,8,8]\"}\n    outputs: {" +
+                               first + shape + ", " + second + shape + "}\n"));
+  };
+  const Workload two = own::to_workload(load("b", "a").front());
+  const auto inputs = [&two] {
+    auto made = make_tensors(two.inputs);
+    made[0].as<float>()[0] = 64;
+    return made;
+  }();
+  auto outputs = make_tensors(two.outputs);
+  const auto kernel = own_operation(two)->cpu({}, 1);
+  kernel->bind(inputs, outputs);
+  static_cast<void>(kernel->execute(1));
+  EXPECT_FLOAT_EQ(outputs[0].as<float>()[0], 64) << "the largest";
+  EXPECT_FLOAT_EQ(outputs[1].as<float>()[0], 1) << "the mean";
+  EXPECT_THAT(bad_input([&] { static_cast<void>(load("peak", "mean")); }),
+              AllOf(HasSubstr("a: f32[1,3,1,1]"), HasSubstr("b: f32[1,3,1,1]")));
 }
 
 TEST_F(Models, ThatAreNoModelsAreRefused) {

@@ -1,5 +1,5 @@
-// What a fake unit does: durations by phase, jitter, failures. Read from YAML text; an unknown key
-// is an error.
+// What a fake unit does: durations by phase, jitter, failures. Read from YAML; an unknown key is an
+// error. Which workloads there are is known above (characterize/platform/platform_file.cpp).
 //
 //   device: fake gpu                       name that it reports
 //   device_init_ms: 1.0
@@ -38,21 +38,23 @@
 // with stages lacks the phases that are not among them.
 #pragma once
 
-#include <yaml-cpp/yaml.h>
-
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <set>
 #include <span>
-#include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "workloads/base/time.h"
 #include "workloads/model/backend.h"
 #include "workloads/model/peak.h"
 #include "workloads/model/phase.h"
+
+namespace pirt {
+class YamlNode;
+}
 
 namespace pirt::fake {
 
@@ -87,21 +89,13 @@ struct Script {
   [[nodiscard]] std::span<const ScriptedStage> stages_of(const std::string& workload) const;
 };
 
-/// What is wrong with a script, for those that know where it is written.
-class ScriptError : public std::runtime_error {
- public:
-  ScriptError(const YAML::Node& node, const std::string& message)
-      : std::runtime_error(message), node_(node) {}
-  [[nodiscard]] const YAML::Node& node() const { return node_; }
+/// @throws Error{kBadInput} at the node: an unknown key (with the nearest ones) or one given twice,
+/// a wrong type, a number outside its range (times: 0, or a nanosecond to eleven days).
+[[nodiscard]] Script read_script(const YamlNode& node);
+/// Whether what a script has under @p key names workloads: the items of a list, the keys of a map.
+[[nodiscard]] bool names_workloads(std::string_view key);
 
- private:
-  YAML::Node node_;
-};
-
-/// @throws ScriptError for an unknown key (with the nearest ones), a wrong type, a number outside
-/// its range (times: 0, or a nanosecond to eleven days).
-[[nodiscard]] Script read_script(const YAML::Node& root);
-
+/// @param text  Empty = no key given.
 /// @throws Error{kBadInput} "fake script:LINE: ..." for broken syntax and what read_script refuses.
 [[nodiscard]] Script parse_script(const std::string& text);
 

@@ -174,13 +174,6 @@ std::string pci_of(const cl::Device& device) {
   return pci_address(nv[0], nv[1], nv[2] >> 3, nv[2] & 7);  // A slot is device and function.
 }
 
-/// The most work items along x that a group can have on the device, whatever the kernel.
-std::size_t most_items(const cl::Device& device) {
-  const auto along = device.getInfo<CL_DEVICE_MAX_WORK_ITEM_SIZES>();
-  const auto all = device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>();
-  return along.empty() ? all : std::min(all, along.front());
-}
-
 class OpenClDevice final : public Device {
  public:
   explicit OpenClDevice(DeviceSession session)

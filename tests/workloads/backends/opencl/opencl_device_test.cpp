@@ -117,6 +117,17 @@ TEST(OpenClDevice, ThatNobodyHasIsAnErrorThatNamesThoseThereAre) {
   EXPECT_THAT(message, AllOf(HasSubstr("no such device"), HasSubstr(probe.devices[0].name)));
 }
 
+TEST(OpenClDevice, OfTheTestsIsTheOneThatTheirVariableNamesOrTheyFail) {
+  if (!make_opencl_backend()->probe().available) GTEST_SKIP() << "skipped: no OpenCL device";
+  const std::string named = test::tested_device();
+  ::setenv("PIRT_TEST_DEVICE", "0", 1);
+  EXPECT_NE(test::open_first_device(), nullptr);
+  ::setenv("PIRT_TEST_DEVICE", "no such device", 1);
+  EXPECT_THAT(environment_error([] { static_cast<void>(test::open_first_device()); }),
+              HasSubstr("no such device"));
+  ::setenv("PIRT_TEST_DEVICE", named.c_str(), 1);
+}
+
 TEST(OpenClDevice, RefusesTensorsBeyondItsMemory) {
   const auto device = test::open_first_device();
   if (!device) GTEST_SKIP() << "skipped: no OpenCL device";

@@ -3,6 +3,7 @@
 
 #include <numeric>
 
+#include "tests/support/errors.h"
 #include "tests/workloads/backends/opencl/opencl_support.h"
 #include "workloads/backends/opencl/device/api.h"
 #include "workloads/base/error.h"
@@ -137,6 +138,16 @@ TEST_F(OpenClOwn, ASourceThatDoesNotFitIsNamed) {
               HasSubstr("takes 6 arguments, and 5 are given"));
   EXPECT_THAT(refused([](OpenclSource& s) { s.arguments[0].tensor = "inn"; }), HasSubstr("'inn'"));
   EXPECT_THAT(refused([](OpenclSource& s) { s.local = {3, 0, 0}; }), HasSubstr("no multiple"));
+  EXPECT_THAT(
+      refused([](OpenclSource& s) { s.arguments[3] = {.element = Element::kI32, .value = 1}; }),
+      HasSubstr("takes float as argument 3 (counted from 0), and {i32: 1} is of i32"));
+  Workload other = of(scale());
+  for (const Element element : {Element::kU8, Element::kF32}) {
+    other.parameters = {{"table", element, {4}}};
+    const auto table = make_tensors(other.parameters);
+    EXPECT_THAT(test::bad_input([&] { static_cast<void>(device_->prepare(other, table)); }),
+                HasSubstr("and the tensor 'table' is of " + std::string(to_string(element))));
+  }
   EXPECT_THAT(refused([](OpenclSource& s) { s.text += "!"; }),
               AllOf(HasSubstr("scale.cl"), HasSubstr("does not build")));
 }

@@ -25,14 +25,11 @@ inline constexpr std::string_view kInstallDriver =
 /// "clCreateBuffer: CL_INVALID_BUFFER_SIZE", with the remedy where the code suggests one.
 [[nodiscard]] std::string describe(const cl::Error& error);
 
+[[noreturn]] void throw_translated(std::string_view doing, const cl::Error& error);
+
 /// Runs @p body, which calls OpenCL.
 /// @param doing  For the message: "preparing conv1".
 /// @throws Error{kEnvironment} "opencl: <doing>: <call>: <name>; <remedy>" in place of cl::Error.
-template <typename Body>
-decltype(auto) translated(std::string_view doing, Body&& body);
-
-[[noreturn]] void throw_translated(std::string_view doing, const cl::Error& error);
-
 template <typename Body>
 decltype(auto) translated(std::string_view doing, Body&& body) {
   try {

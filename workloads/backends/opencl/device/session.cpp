@@ -86,6 +86,12 @@ cl::Program build(const DeviceSession& session, std::string_view name, const std
 
 }  // namespace
 
+std::size_t most_items(const cl::Device& device) {
+  const auto along = device.getInfo<CL_DEVICE_MAX_WORK_ITEM_SIZES>();
+  const auto all = device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>();
+  return along.empty() ? all : std::min(all, along.front());
+}
+
 bool is_lost(const DeviceSession& session) {
   try {
     const cl::Buffer word(session.context, CL_MEM_READ_WRITE, sizeof(cl_uint));
@@ -105,7 +111,7 @@ cl::Program build_program(const DeviceSession& session, std::string_view name,
 
 cl::Program build_own_program(const DeviceSession& session, const std::string& file,
                               const std::string& source, const std::string& options) {
-  return build(session, file, source, options);
+  return build(session, file, source, options + " -cl-kernel-arg-info");
 }
 
 }  // namespace pirt::opencl

@@ -43,6 +43,9 @@ struct DeviceSession {
   }
 };
 
+/// The most work items along x that a group can have on the device, whatever the kernel.
+[[nodiscard]] std::size_t most_items(const cl::Device& device);
+
 /// Whether its context does nothing any more, not even the least.
 [[nodiscard]] bool is_lost(const DeviceSession& session);
 
@@ -55,7 +58,8 @@ struct DeviceSession {
                                         std::string_view source,
                                         const std::string& definitions = {});
 
-/// The same of somebody else's source, without definitions of the tuning and embedded files.
+/// The same of somebody else's source, without definitions of the tuning and embedded files; its
+/// kernels tell of their arguments.
 /// @param file  For messages.
 [[nodiscard]] cl::Program build_own_program(const DeviceSession& session, const std::string& file,
                                             const std::string& source, const std::string& options);

@@ -28,10 +28,7 @@ std::int64_t tiles_of(const ProductTile& tile, int channels, std::int64_t column
 
 /// Whether the device of @p session has room for a group of such a tile.
 bool fits(const DeviceSession& session, const ProductTile& tile) {
-  const auto items = static_cast<std::size_t>(tile.items());
-  const auto along = session.device.getInfo<CL_DEVICE_MAX_WORK_ITEM_SIZES>();
-  return items <= session.device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>() && !along.empty() &&
-         items <= along.front() &&
+  return static_cast<std::size_t>(tile.items()) <= most_items(session.device) &&
          tile.local_bytes() <= session.device.getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
 }
 

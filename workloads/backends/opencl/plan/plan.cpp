@@ -3,7 +3,10 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
+#include <optional>
 #include <stdexcept>
+#include <string_view>
 #include <utility>
 
 #include "opencl_files.h"
@@ -32,6 +35,38 @@ void set_number(cl::Kernel& kernel, cl_uint index, const OpenclArgument& argumen
       kernel.setArg(index, static_cast<cl_double>(argument.value));
       return;
   }
+}
+
+/// The parameter's type where it is a number, a vector of numbers or a pointer to either, and those
+/// are no @p element, signed or not; absent too where the driver does not tell it.
+std::optional<std::string> other_type(const cl::Kernel& kernel, cl_uint index, Element element) {
+  constexpr auto kWhole = std::to_array<std::pair<std::string_view, std::size_t>>(
+      {{"char", 1}, {"uchar", 1}, {"short", 2}, {"ushort", 2}, {"int", 4}, {"uint", 4}});
+  constexpr auto kFloats =
+      std::to_array<std::pair<std::string_view, std::size_t>>({{"float", 4}, {"double", 8}});
+  std::string type;
+  try {
+    type = kernel.getArgInfo<CL_KERNEL_ARG_TYPE_NAME>(index);
+  } catch (const cl::Error&) {
+    return std::nullopt;  // CL_KERNEL_ARG_INFO_NOT_AVAILABLE
+  }
+  std::string_view number = type;
+  while (number.ends_with('*') || number.ends_with(' ')) number.remove_suffix(1);
+  for (const std::string_view lanes : {"16", "2", "3", "4", "8"}) {
+    if (!number.ends_with(lanes)) continue;
+    number.remove_suffix(lanes.size());
+    break;
+  }
+  const bool is_float = element == Element::kF32 || element == Element::kF64;
+  const auto find = [number](const auto& all) {
+    const auto found =
+        std::ranges::find(all, number, &std::pair<std::string_view, std::size_t>::first);
+    return found == all.end() ? std::size_t{0} : found->second;
+  };
+  const std::size_t whole = find(kWhole), floats = find(kFloats);
+  const bool is_known = whole + floats > 0;
+  const bool fits = (is_float ? floats : whole) == size_bytes(element);
+  return is_known && !fits ? std::optional(type) : std::nullopt;
 }
 
 /// The work items of a group of @p kernel: PlanBuilder::group_items.
@@ -218,6 +253,10 @@ void PlanBuilder::own_step(
     const OpenclArgument& argument = source.arguments[i];
     const DeviceTensor* const resident =
         argument.tensor.empty() ? nullptr : tensor(argument.tensor);
+    const std::string given =
+        argument.tensor.empty()
+            ? fmt::format("{{{}: {}}}", to_string(argument.element), argument.value)
+            : "the tensor '" + argument.tensor + "'";
     try {
       if (argument.tensor.empty()) {
         set_number(kernel, i, argument);
@@ -228,15 +267,16 @@ void PlanBuilder::own_step(
       }
     } catch (const cl::Error& error) {
       if (error.err() == CL_OUT_OF_RESOURCES || error.err() == CL_OUT_OF_HOST_MEMORY) throw;
-      const std::string given =
-          resident != nullptr
-              ? "the tensor '" + argument.tensor + "'"
-              : fmt::format("{{{}: {}}}", to_string(argument.element), argument.value);
       fail(
           fmt::format("takes no {} as argument {} (counted from 0): tensors are __global "
                       "pointers, and numbers have the size of its parameter (u8: uchar, i16: "
                       "short, i32: int, f32: float, f64: double)",
                       given, i));
+    }
+    const Element element = resident != nullptr ? resident->spec.element : argument.element;
+    if (const auto type = other_type(kernel, i, element)) {
+      fail(fmt::format("takes {} as argument {} (counted from 0), and {} is of {}", *type, i, given,
+                       to_string(element)));
     }
   }
   const auto range = [](const std::array<std::int64_t, 3>& extents) {

@@ -53,6 +53,16 @@ void PlanKernel::download() {
   });
 }
 
+void PlanKernel::scribble(std::byte with) {
+  translated(fmt::format("filling the outputs of {}", workload()), [&] {
+    for (const DeviceTensor& output : plan_.outputs) {
+      session().queue.enqueueFillBuffer(output.buffer, std::to_integer<cl_uchar>(with), 0,
+                                        static_cast<std::size_t>(output.spec.size_bytes()));
+    }
+    session().queue.finish();
+  });
+}
+
 void PlanKernel::bind_state(std::span<const Tensor> current, std::span<Tensor> next) {
   if (plan_.current.empty()) {
     Kernel::bind_state(current, next);

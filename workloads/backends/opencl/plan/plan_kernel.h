@@ -51,6 +51,7 @@ class PlanKernel : public LaunchingKernel {
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override;
   void upload() override;
   void download() override;
+  void scribble(std::byte with) override;
   void bind_state(std::span<const Tensor> current, std::span<Tensor> next) override;
   void upload_state() override;
   void commit_state() override;

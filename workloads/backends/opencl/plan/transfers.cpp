@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cstring>
 #include <exception>
 
@@ -71,18 +72,19 @@ class Transfers::Parts {
  public:
   /// @param size_bytes  Of all, each rounded up to rounded().
   Parts(Transfers& transfers, std::size_t size_bytes) {
+    const DeviceSession& session = transfers.session_;
     auto& stage = transfers.stage_;
-    if (size_bytes > 0 && (!stage || stage->bytes().size() < size_bytes)) {
+    auto& heap = transfers.list_;
+    const bool is_pinned = session.pinned != nullptr;
+    if (is_pinned && size_bytes > 0 && (!stage || stage->bytes().size() < size_bytes)) {
       stage.reset();
       try {
-        stage = std::make_unique<PinnedMemory>(transfers.session_.queue, size_bytes);
+        stage = std::make_unique<PinnedMemory>(session.queue, size_bytes);
       } catch (const cl::Error&) {  // It has none, or no more: slower memory does as well.
-        transfers.list_.resize(size_bytes);
-        left_ = transfers.list_;
-        return;
       }
     }
-    if (stage) left_ = stage->bytes();
+    if (!stage) heap.resize(std::max(heap.size(), size_bytes));
+    left_ = stage ? stage->bytes() : std::span(heap);
   }
   [[nodiscard]] static std::size_t rounded(std::size_t size_bytes) {
     return (size_bytes + Tensor::kAlignment - 1) / Tensor::kAlignment * Tensor::kAlignment;
@@ -227,10 +229,8 @@ std::span<const std::byte> Transfers::read(const Counted& counted) {
   const std::size_t all = counted.entry_bytes * static_cast<std::size_t>(counted.most);
   const std::size_t first = std::min(all, kComesWhole);
   cl_int count = 0;
-  const auto room = [&](std::size_t size_bytes) {
-    if (session_.pinned != nullptr) return Parts(*this, size_bytes).take(size_bytes);
-    if (list_.size() < size_bytes) list_.resize(size_bytes);
-    return list_.data();
+  const auto room = [this](std::size_t size_bytes) {
+    return Parts(*this, Parts::rounded(size_bytes)).take(size_bytes);
   };
   const Waiting waiting(queue);
   std::byte* to = room(first);

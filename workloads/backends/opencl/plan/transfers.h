@@ -49,7 +49,7 @@ class Transfers {
   [[nodiscard]] std::span<const std::byte> read(const Counted& counted);
 
  private:
-  /// A part of the stage, which is made larger where it has to be; of the heap where that fails.
+  /// Parts of the stage, which is made larger where it has to be; of the heap without one.
   class Parts;
   /// Whether what is, or comes, at @p data goes by the stage.
   [[nodiscard]] bool by_stage(const DeviceTensor& resident, const std::byte* data,
