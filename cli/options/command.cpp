@@ -10,6 +10,7 @@
 #include <iostream>
 #include <map>
 #include <memory>
+#include <sstream>
 #include <string_view>
 
 #include "cli/options/files.h"
@@ -322,7 +323,10 @@ int run(std::span<AddCommand* const> commands, const std::function<std::string()
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {  // --help, --version
-    return app.exit(success, results_stream(), std::cerr);
+    std::ostringstream text;
+    const int code = app.exit(success, text, std::cerr);
+    write_results(text.str());
+    return code;
   } catch (const CLI::ParseError& error) {
     for (const auto* command : chosen_commands(app)) reject_unknown(*command, app);
     reject_unknown(app, app);

@@ -1,8 +1,11 @@
 #include "cli/options/own.h"
 
 #include <fmt/core.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 
 #include "characterize/platform/platform.h"
 #include "characterize/profile/own_rows.h"
@@ -19,6 +22,23 @@ namespace pirt::cli {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+/// Whether it is of whoever runs pirt, of root, or of the owner of @p mix, which was asked for:
+/// both a link and what it leads to.
+bool may_be_loaded(const fs::path& file, const fs::path& mix) {
+  struct stat of_mix {};
+  struct stat of_link {};
+  struct stat of_target {};
+  static_cast<void>(::stat(mix.c_str(), &of_mix));  // one that is missing is told elsewhere
+  if (::lstat(file.c_str(), &of_link) != 0 || ::stat(file.c_str(), &of_target) != 0) return false;
+  return std::ranges::all_of(std::array{of_link.st_uid, of_target.st_uid}, [&of_mix](uid_t owner) {
+    return owner == ::geteuid() || owner == 0 || owner == of_mix.st_uid;
+  });
+}
+
+}  // namespace
+
 std::vector<std::string> OwnFiles::all(const std::string& mix) const {
   std::vector<std::string> all;
   const auto add = [&all](const fs::path& file) {
@@ -28,7 +48,12 @@ std::vector<std::string> OwnFiles::all(const std::string& mix) const {
   for (const std::string& file : files) add(file);
   if (!mix.empty() && names_a_file(mix)) {
     const fs::path beside = fs::absolute(mix).parent_path() / "pirt.workloads";
+    const std::size_t named = all.size();
     if (fs::exists(beside)) add(beside);
+    if (all.size() > named && !may_be_loaded(beside, mix)) {
+      throw_bad_input(
+          fmt::format("'{}' belongs to somebody else; name it with --workloads", all.back()));
+    }
   }
   return all;
 }

@@ -15,6 +15,7 @@ struct OwnFiles {
   std::vector<std::string> files;  ///< As they were given.
 
   /// Absolute, with `pirt.workloads` beside @p mix, if that is a file and there is one.
+  /// @throws Error{kBadInput} if that is a stranger's and was not given.
   [[nodiscard]] std::vector<std::string> all(const std::string& mix = "") const;
 };
 

@@ -266,12 +266,15 @@ int run_with_room(const std::function<int()>& body) {
     --time.rlim_cur;
     ::setrlimit(RLIMIT_CPU, &time);
   }
-  if (limit(RLIMIT_STACK).rlim_cur >= kEnough) return body();
-  pthread_attr_t roomy;
-  ::pthread_attr_init(&roomy);
-  ::pthread_attr_setstacksize(&roomy, kEnough);
-  ::pthread_setattr_default_np(&roomy);
-  ::pthread_attr_destroy(&roomy);
+  const rlim_t stack = limit(RLIMIT_STACK).rlim_cur;
+  if (stack < kEnough || stack == RLIM_INFINITY) {  // without a limit, threads are given 2 MB
+    pthread_attr_t roomy;
+    ::pthread_attr_init(&roomy);
+    ::pthread_attr_setstacksize(&roomy, kEnough);
+    ::pthread_setattr_default_np(&roomy);
+    ::pthread_attr_destroy(&roomy);
+  }
+  if (stack >= kEnough) return body();
   int code = 0;
   start_thread([&] { code = body(); }).join();
   return code;

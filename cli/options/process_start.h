@@ -17,9 +17,9 @@ namespace pirt::cli {
 /// @return What was undone, or could not be, a sentence each; empty if nothing was to do.
 [[nodiscard]] std::vector<std::string> settle_process();
 
-/// Runs @p body on a stack of the usual size, also under a smaller limit, with the descriptors that
-/// the hard limit allows, and so that running out of processor time (ulimit -t) is a signal that
-/// can be told from others.
+/// Runs @p body on a stack of the usual size, also under a smaller limit, and its threads on such
+/// ones also without a limit, with the descriptors that the hard limit allows, and so that running
+/// out of processor time (ulimit -t) is a signal that can be told from others.
 /// @return What it returns. It does not throw.
 [[nodiscard]] int run_with_room(const std::function<int()>& body);
 

@@ -236,8 +236,8 @@ std::optional<double> OffloadChoice::break_even_energy() const {
 OffloadChoices offload_choices(const Profile& profile, const Platform& platform) {
   if (std::ranges::none_of(platform.units, is_cloud)) {
     throw_bad_input("platform " + platform.name +
-                    " has no unit of role cloud, and --offload compares with one; characterize "
-                    "platform host-cloud, or give one with --platform");
+                    " has no unit of role cloud, and `pirt report offload` compares with one; "
+                    "characterize platform host-cloud, or give one with --platform");
   }
   std::vector<std::string> workloads = profile.workloads();
   std::erase_if(workloads, [](const std::string& each) { return !try_find_spec(each); });

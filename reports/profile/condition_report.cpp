@@ -11,18 +11,6 @@
 namespace pirt {
 namespace {
 
-std::string time_cell(const PhaseRow* row) {
-  return row == nullptr ? "-" : shown_figure(*row, figure_ms(row->median), row->provenance);
-}
-
-/// Of steady; "-" where one of them is not known.
-std::string times(const PhaseRow* row, const PhaseRow* steady) {
-  const bool known = row != nullptr && steady != nullptr && is_used(*row) && is_used(*steady) &&
-                     row->median && steady->median && steady->median->count() > 0;
-  if (!known) return "-";
-  return fmt::format("{:.2f}x", to_s(*row->median) / to_s(*steady->median));
-}
-
 /// What is measured; `sleep` is said of where there is one.
 std::string what_text(const UnitTimeRow& row) {
   switch (row.phase) {
@@ -63,14 +51,14 @@ std::optional<Table> condition_table(const Profile& profile) {
   for (const auto& workload : profile.workloads()) {
     for (const auto& unit : profile.units()) {
       const PhaseRow* steady = profile.find(workload, unit, Phase::kExecute);
-      std::vector<std::string> row = {workload, unit, time_cell(steady)};
+      std::vector<std::string> row = {workload, unit, median_cell(steady)};
       std::vector<std::string> remarks;
       bool any = false;
       for (const Condition condition : shown) {
         const PhaseRow* found = profile.find_condition(workload, unit, condition);
         any = any || found != nullptr;
-        row.push_back(time_cell(found));
-        row.push_back(times(found, steady));
+        row.push_back(median_cell(found));
+        row.push_back(times_cell(found, steady));
         if (found == nullptr || is_valid(*found)) continue;
         remarks.push_back(fmt::format("{}, {}", to_string(condition), judgement_text(*found)));
       }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "reports/profile/shown_row.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -52,6 +53,7 @@ void add_cost(const Profile& profile, const std::string& workload, const std::st
   for (const PhaseRow* row : rows) {
     cost.provenance =
         row == rows.front() ? row->provenance : sum_of(cost.provenance, row->provenance);
+    cost.doubt = std::max(cost.doubt, doubt_mark(*row));
   }
   const auto has_interval = [](const PhaseRow* row) { return row->ci_low && row->ci_high; };
   if (std::ranges::all_of(rows, has_interval)) {

@@ -34,6 +34,7 @@ struct OffloadingCost {
   std::optional<Nanos> upload, launch, execute, download;  ///< Of one call; as far as the unit has
                                                            ///< them.
   Origin provenance = Provenance::kMeasured;               ///< Of the sum of its times.
+  std::string doubt = {};  ///< "?", "??": the most that one of its three rows is doubted.
   /// With device_init, prepare and call at the lower and at the upper ends of their 95 % intervals;
   /// absent if one has no interval.
   std::optional<CallCosts> least, most;

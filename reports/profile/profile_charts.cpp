@@ -104,7 +104,8 @@ Chart time_chart(const Profile& profile, const Family& family) {
       const auto shown = [&](std::optional<Nanos> time) {
         return time ? marked(figure_ms(time), row->provenance) : "-";
       };
-      chart.table.rows.push_back({workload, unit, shown(row->median), shown(row->ci_low),
+      const std::string doubt = row->median ? doubt_mark(*row) : "";
+      chart.table.rows.push_back({workload, unit, shown(row->median) + doubt, shown(row->ci_low),
                                   shown(row->ci_high), shown(row->p95), shown(row->p99),
                                   fmt::format("{}", row->samples),
                                   remarks_of(judgement_text(*row), row->notes)});
@@ -136,10 +137,13 @@ Chart energy_chart(const Profile& profile, const Family& family) {
       if (row == nullptr) continue;
       chart.table.rows.push_back(
           {workload, unit,
-           row->energy_j ? marked(figure(*row->energy_j * 1e3), row->provenance) : "-", row->source,
-           remarks_of(judgement_text(*row), {})});
+           row->energy_j ? marked(figure(*row->energy_j * 1e3), row->provenance) + doubt_mark(*row)
+                         : "-",
+           row->source, remarks_of(judgement_text(*row), {})});
       Mark mark = cell_mark(*row, row->energy_j.has_value());
       if (row->energy_j) mark.x = *row->energy_j * 1e3;
+      if (row->ci_low_j) mark.low = *row->ci_low_j * 1e3;
+      if (row->ci_high_j) mark.high = *row->ci_high_j * 1e3;
       chart.marks.push_back(std::move(mark));
     }
   }

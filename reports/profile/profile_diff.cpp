@@ -279,24 +279,14 @@ Json facts_json(const std::vector<FactDifference>& facts) {
 
 }  // namespace
 
-std::optional<double> PhasePair::ratio() const {
-  if (!is_used(*a) || !is_used(*b) || !a->median || !b->median || a->median->count() <= 0) {
-    return std::nullopt;
-  }
-  return static_cast<double>(b->median->count()) / static_cast<double>(a->median->count());
-}
+std::optional<double> PhasePair::ratio() const { return ratio_of(*b, *a); }
 
 std::optional<bool> PhasePair::overlap() const {
   if (!is_used(*a) || !is_used(*b) || !a->ci_low || !b->ci_low) return std::nullopt;
   return *a->ci_low <= *b->ci_high && *b->ci_low <= *a->ci_high;
 }
 
-std::optional<double> UnitTimePair::ratio() const {
-  if (!is_used(*a) || !is_used(*b) || !a->median || !b->median || a->median->count() <= 0) {
-    return std::nullopt;
-  }
-  return to_s(*b->median) / to_s(*a->median);
-}
+std::optional<double> UnitTimePair::ratio() const { return ratio_of(*b, *a); }
 
 std::optional<double> EnergyPair::ratio() const {
   if (!is_used(*a) || !is_used(*b) || !a->energy_j || !b->energy_j || *a->energy_j <= 0) {

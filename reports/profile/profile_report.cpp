@@ -24,12 +24,6 @@
 namespace pirt {
 namespace {
 
-/// The median with its mark; "invalid" stands where a figure must not be believed.
-std::string cell(const PhaseRow* row) {
-  if (row == nullptr || !row->unknown().empty()) return "-";
-  return shown_figure(*row, figure_ms(row->median), row->provenance);
-}
-
 /// Images a call.
 int batch_of(const std::string& workload) {
   const Workload* found = try_find_workload(workload);
@@ -39,7 +33,7 @@ int batch_of(const std::string& workload) {
 /// A call's share for each image of its batch; "-" where it has one image.
 std::string image_cell(const PhaseRow* row) {
   if (row == nullptr || batch_of(row->workload) == 1) return "-";
-  if (!row->median) return cell(row);
+  if (!row->median) return median_cell(row);
   return shown_figure(*row, figure_ms(*row->median / batch_of(row->workload)), row->provenance);
 }
 
@@ -378,10 +372,11 @@ Table profile_table(const Profile& profile) {
       const auto* call = phase(Phase::kCall);
       const auto* cold = phase(Phase::kPrepare, State::kCold);
       if (call == nullptr && cold == nullptr) continue;
-      table.rows.push_back({workload, unit, cell(call), spread(call), cell(phase(Phase::kUpload)),
-                            cell(phase(Phase::kLaunch)), cell(phase(Phase::kExecute)),
-                            cell(phase(Phase::kDownload)), cell(cold),
-                            cell(phase(Phase::kPrepare, State::kWarm)),
+      table.rows.push_back({workload, unit, median_cell(call), spread(call),
+                            median_cell(phase(Phase::kUpload)), median_cell(phase(Phase::kLaunch)),
+                            median_cell(phase(Phase::kExecute)),
+                            median_cell(phase(Phase::kDownload)), median_cell(cold),
+                            median_cell(phase(Phase::kPrepare, State::kWarm)),
                             energy_cell(profile.find_energy(workload, unit)),
                             roofline_cell(roofs.find(workload, unit)),
                             call == nullptr ? "0" : fmt::format("{}", call->samples),

@@ -138,7 +138,7 @@ Table offloading_table(const OffloadingCosts& costs) {
                           {"each further"}}};
   for (const auto& cost : costs.costs) {
     const auto shown = [&cost](std::optional<Nanos> time) {
-      return time ? marked(figure_ms(time), cost.provenance) : "-";
+      return time ? marked(figure_ms(time), cost.provenance) + cost.doubt : "-";
     };
     table.rows.push_back({cost.workload, cost.unit, std::string(to_string(cost.state)),
                           shown(cost.device_init), shown(cost.set_up() - cost.device_init),
@@ -200,7 +200,8 @@ Chart offloading_chart(const OffloadingCosts& costs) {
          .series = cost.unit,
          .values = {ms(cost.device_init), ms(cost.set_up() - cost.device_init), ms(cost.upload),
                     ms(cost.launch), ms(cost.execute), ms(cost.download)},
-         .provenance = cost.provenance});
+         .provenance = cost.provenance,
+         .doubt = cost.doubt});
   }
   return chart;
 }

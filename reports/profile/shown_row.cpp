@@ -2,8 +2,6 @@
 
 #include <fmt/core.h>
 
-#include <optional>
-
 namespace pirt {
 namespace {
 
@@ -25,6 +23,17 @@ std::string doubt_mark(const PhaseRow& row) {
 std::string shown_ms(const PhaseRow& row) {
   const std::string text = shown_figure(row, figure_ms(row.median), row.provenance);
   return is_doubted(row) ? text + interval_text(in_ms(row.ci_low), in_ms(row.ci_high)) : text;
+}
+
+std::string median_cell(const PhaseRow* row) {
+  if (row == nullptr || !row->unknown().empty()) return "-";
+  return shown_figure(*row, figure_ms(row->median), row->provenance);
+}
+
+std::string times_cell(const PhaseRow* row, const PhaseRow* base) {
+  if (row == nullptr || base == nullptr) return "-";
+  const auto ratio = ratio_of(*row, *base);
+  return ratio ? fmt::format("{:.2f}x", *ratio) : "-";
 }
 
 std::string shown_mj(const EnergyRow& row) {

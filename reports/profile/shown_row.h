@@ -2,6 +2,7 @@
 // doubted, `??` where the interval spans more than a factor of 4.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "characterize/profile/profile.h"
@@ -25,8 +26,21 @@ template <typename Row>
 }
 /// The median in ms; of a doubted row with its interval: "12.1? (9.80 to 14.2)".
 [[nodiscard]] std::string shown_ms(const PhaseRow& row);
-/// Joules a call in mJ, likewise.
+/// The median in ms without; "-" where there is no row, or nobody knows its time.
+[[nodiscard]] std::string median_cell(const PhaseRow* row);
+/// Joules a call in mJ, as shown_ms.
 [[nodiscard]] std::string shown_mj(const EnergyRow& row);
+/// Median of @p row over that of @p base; absent unless both are used and that of @p base is above
+/// 0.
+template <typename Row>
+[[nodiscard]] std::optional<double> ratio_of(const Row& row, const Row& base) {
+  const bool known =
+      is_used(row) && is_used(base) && row.median && base.median && *base.median > Nanos::zero();
+  if (!known) return std::nullopt;
+  return static_cast<double>(row.median->count()) / static_cast<double>(base.median->count());
+}
+/// "1.50x", "-".
+[[nodiscard]] std::string times_cell(const PhaseRow* row, const PhaseRow* base);
 /// "INVALID: crashed", "uncertain: contended, imprecise", "" where nothing is held against it.
 template <typename Row>
 [[nodiscard]] std::string judgement_text(const Row& row) {

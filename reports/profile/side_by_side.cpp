@@ -30,19 +30,11 @@ std::vector<std::string> all_workloads(std::span<const Profile> profiles) {
   return all_of(profiles, [](const Profile& profile) { return profile.workloads(); });
 }
 
-std::string ratio_text(const PhaseRow* row, const PhaseRow* first) {
-  const bool both = row != nullptr && first != nullptr && is_used(*row) && is_used(*first) &&
-                    row->median && first->median && first->median->count() > 0;
-  if (!both) return "-";
-  return fmt::format("{:.2f}x", static_cast<double>(row->median->count()) /
-                                    static_cast<double>(first->median->count()));
-}
-
 std::string best_text(const Ranking& ranking, double scale, const char* unit) {
   if (ranking.units.empty()) return "-";
   const RankedUnit& best = ranking.units.front();
   return fmt::format("{}, {} {}", ranking.preferable(),
-                     marked(figure(best.value * scale), best.provenance), unit);
+                     marked(figure(best.value * scale), best.provenance) + best.doubt, unit);
 }
 
 }  // namespace
@@ -110,7 +102,7 @@ Chart side_by_side_chart(std::span<const Profile> profiles) {
         if (row == nullptr) continue;
         chart.table.rows.push_back({workload, unit, names[i],
                                     shown_figure(*row, figure_ms(row->median), row->provenance),
-                                    i == 0 ? "-" : ratio_text(row, first), judgement_text(*row)});
+                                    i == 0 ? "-" : times_cell(row, first), judgement_text(*row)});
         Mark mark{.group = fmt::format("{}, {}", workload, unit),
                   .series = names[i],
                   .provenance = row->provenance,

@@ -100,6 +100,13 @@ std::string tail_name(std::span<const RunRecord> runs) {
   return has_deadlines(runs) ? "p99 / deadline" : "p99 from firing to completion";
 }
 
+bool same_tail(const RunRecord& a, const RunRecord& b) {
+  if (p99_of_deadline(a) && p99_of_deadline(b)) return cannot_tell(a, b, "p99_of_deadline");
+  return std::ranges::all_of(a.pipelines, [&](const PipelineResult& pipeline) {
+    return cannot_tell(a, b, "pipelines." + pipeline.pipeline + ".p99_ms");
+  });
+}
+
 Runs best_by(std::span<const RunRecord* const> among, const std::string& figure, bool greatest) {
   const RunRecord* best = nullptr;
   double reached = 0;
@@ -126,11 +133,7 @@ Runs best_by_tail(std::span<const RunRecord* const> among, std::span<const RunRe
     if (tail && (best == nullptr || *tail < *tail_of(*best, runs))) best = run;
   }
   if (best == nullptr) return {};
-  return with_equals(best, among, [](const RunRecord& a, const RunRecord& b) {
-    return std::ranges::all_of(a.pipelines, [&](const PipelineResult& pipeline) {
-      return cannot_tell(a, b, "pipelines." + pipeline.pipeline + ".p99_ms");
-    });
-  });
+  return with_equals(best, among, same_tail);
 }
 
 bool comparable(const RunRecord& a, const RunRecord& b) {

@@ -20,6 +20,8 @@ namespace pirt {
 /// pipelines; without, as times the least that a mode of @p runs has of the same pipeline, the
 /// largest. Absent where nothing completed.
 [[nodiscard]] std::optional<double> tail_of(const RunRecord& run, std::span<const RunRecord> runs);
+/// Whether the tails of two runs cannot be told apart (scheduler/record/interval.h).
+[[nodiscard]] bool same_tail(const RunRecord& a, const RunRecord& b);
 /// "p99 / deadline", or "p99 from firing to completion".
 [[nodiscard]] std::string tail_name(std::span<const RunRecord> runs);
 

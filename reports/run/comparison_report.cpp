@@ -73,8 +73,7 @@ Table table_of(const ModeRuns& comparison) {
          gap_text(energy_mj(run), least_mj),
          shown_figure_of(run, "mean_latency_ms", run.mean_latency_ms, marks.time),
          shown_figure_of(run, "p99_latency_ms", run.p99_latency_ms, marks.time),
-         fmt::format("{}", deadline_misses(run)),
-         fmt::format("{}", run.dropped + run.expired - run.no_predecessor.value_or(0)),
+         fmt::format("{}", deadline_misses(run)), fmt::format("{}", dropped_tasks(run)),
          run.no_predecessor ? fmt::format("{}", *run.no_predecessor) : "-",
          fmt::format("{}", run.queued), fmt::format("{}", run.offloaded),
          run.in_flight ? fmt::format("{}", *run.in_flight) : "-", run.weights_from.value_or("-")});

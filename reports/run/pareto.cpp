@@ -3,15 +3,16 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "reports/document/figures.h"
 #include "reports/run/answer.h"
 #include "reports/run/comparison_report.h"
 #include "reports/run/run_report.h"
+#include "scheduler/record/interval.h"
 #include "scheduler/record/keeping_up.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/shell.h"
-#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
@@ -19,11 +20,37 @@ namespace {
 constexpr const char* kBest = "beaten by nobody";
 constexpr const char* kBeaten = "another mode is as good in all, better in some";
 
-/// At least as good in all three, and better in one.
-bool beats(const ModePoint& a, const ModePoint& b) {
-  const bool as_good =
-      a.rate_per_ms >= b.rate_per_ms && a.energy_mj <= b.energy_mj && a.tail <= b.tail;
-  return as_good && (a.rate_per_ms > b.rate_per_ms || a.energy_mj < b.energy_mj || a.tail < b.tail);
+/// In rate, energy or tail, where the two can be told apart.
+bool is_better(const ModePoint& a, const ModePoint& b) {
+  const auto apart = [&](const char* figure) { return !cannot_tell(*a.run, *b.run, figure); };
+  return (a.rate_per_ms > b.rate_per_ms && apart("throughput_per_ms")) ||
+         (a.energy_mj < b.energy_mj && apart("energy_j")) ||
+         (a.tail < b.tail && !same_tail(*a.run, *b.run));
+}
+
+bool beats(const ModePoint& a, const ModePoint& b) { return is_better(a, b) && !is_better(b, a); }
+
+/// Why @p run is no point among @p runs; empty if it is one.
+std::string why_left_out(const RunRecord& run, std::span<const RunRecord> runs) {
+  const auto compares = [&](const RunRecord& each) { return comparable(each, runs.front()); };
+  const auto serves = [&](const RunRecord& each) { return compares(each) && keeps_up(each); };
+  if (!compares(run)) return "it is not comparable with the first";
+  if (!keeps_up(run) && std::ranges::any_of(runs, serves)) return "it does not keep up";
+  if (run.completed == 0 || !run.throughput_per_ms || !tail_of(run, runs)) {
+    return "no firing completed";
+  }
+  return energy_mj(run) ? "" : "its energy is not known";
+}
+
+/// Runs that are no points, by their goals.
+std::vector<ModeRuns::Skipped> left_out(std::span<const RunRecord> runs) {
+  std::vector<ModeRuns::Skipped> found;
+  for (const RunRecord& run : runs) {
+    if (auto why = why_left_out(run, runs); !why.empty()) {
+      found.push_back({goal_of(run), std::move(why)});
+    }
+  }
+  return found;
 }
 
 Origin provenance_of(const RunRecord& run) {
@@ -115,7 +142,8 @@ Chart rate_chart(const std::vector<ModePoint>& points) {
       .footnotes =
           {"gap = reached / bound - 1, to the most tasks a ms, and, a task, to the least energy "
            "for what the mode with most tasks completed, which no scheduler can beat. "
-           "beaten by: in rate, energy and p99 from firing to completion.",
+           "beaten by: in rate, energy and p99 from firing to completion, as far as the two can be "
+           "told apart.",
            std::string(provenance_legend())},
       .origin = origin_of(first)};
   for (const ModePoint& point : points) {
@@ -169,7 +197,7 @@ Chart latency_chart(const std::vector<ModePoint>& points) {
     chart.table.rows.push_back(
         {run.mode, shown(point.tail, marks.time), shown(run.mean_latency_ms, marks.time),
          shown(point.energy_mj, marks.energy), fmt::format("{}", deadline_misses(run)),
-         fmt::format("{}", run.dropped + run.expired), fmt::format("{}", run.queued),
+         fmt::format("{}", dropped_tasks(run)), fmt::format("{}", run.queued),
          fmt::format("{}", run.offloaded)});
     chart.marks.push_back(mark_of(point, point.tail));
   }
@@ -221,7 +249,7 @@ Table frontier_table(const std::vector<ModePoint>& points) {
   table.footnotes.emplace_back(
       "gap = reached / bound - 1; energy: a task, to the least for what any of these completed. "
       "p99 from firing to completion. beaten by: as good in rate, energy and p99, and "
-      "better in one.");
+      "better in one, as far as the two can be told apart.");
   table.footnotes.emplace_back(provenance_legend());
   return table;
 }
@@ -241,14 +269,12 @@ std::optional<double> least_energy_mj(std::span<const RunRecord> runs) {
 
 std::vector<ModePoint> mode_points(std::span<const RunRecord> runs) {
   std::vector<ModePoint> points;
-  const bool some_keep_up = std::ranges::any_of(runs, keeps_up);
   for (const RunRecord& run : runs) {
-    const auto mj = energy_mj(run);
-    const auto tail = tail_of(run, runs);
-    if (!run.throughput_per_ms || !tail || !mj) continue;
-    if (!comparable(run, runs.front()) || (some_keep_up && !keeps_up(run))) continue;
-    points.push_back(
-        {.run = &run, .rate_per_ms = *run.throughput_per_ms, .energy_mj = *mj, .tail = *tail});
+    if (!why_left_out(run, runs).empty()) continue;
+    points.push_back({.run = &run,
+                      .rate_per_ms = *run.throughput_per_ms,
+                      .energy_mj = *energy_mj(run),
+                      .tail = *tail_of(run, runs)});
   }
   for (ModePoint& point : points) {
     const auto better =
@@ -274,12 +300,8 @@ Document pareto_document(const ModeRuns& frontier) {
   const auto points = mode_points(frontier.runs);
   if (!points.empty()) document.parts.emplace_back(frontier_table(points));
   Paragraph missing = missing_of(frontier);
-  std::vector<std::string> unknown;
-  for (const RunRecord& run : frontier.runs) {
-    if (!run.energy_j) unknown.push_back(goal_of(run));
-  }
-  if (!unknown.empty()) {
-    missing.lines.push_back("Not shown, for their energy is not known: " + join(unknown, "; "));
+  for (const std::string& line : reason_lines(left_out(frontier.runs))) {
+    missing.lines.push_back("Not shown: " + line);
   }
   for (Paragraph lines : {missing, warnings_of(frontier.runs)}) {
     if (!lines.lines.empty()) document.parts.emplace_back(std::move(lines));
@@ -304,7 +326,11 @@ Json pareto_json(const ModeRuns& frontier) {
     each.put("least_energy_mj", bound_mj(run));
     json.push_back(std::move(each));
   }
-  Json result = {{"schema_version", 1}, {"points", json}};
+  auto others = Json::array();
+  for (const auto& runs : {frontier.skipped, left_out(frontier.runs)}) {
+    for (const auto& [goal, reason] : runs) others.push_back({{"goal", goal}, {"reason", reason}});
+  }
+  Json result = {{"schema_version", 1}, {"points", json}, {"left_out", others}};
   if (const auto most = most_rate(points)) result["bounds"] = {{"throughput_per_ms", *most}};
   return result;
 }

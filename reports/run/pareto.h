@@ -20,7 +20,8 @@ struct ModePoint {
   double rate_per_ms = 0;          ///< Completed tasks; more is better.
   double energy_mj = 0;            ///< A completed task; less is better.
   double tail = 0;                 ///< tail_of() it (answer.h); less is better.
-  /// A mode that is at least as good in all three and better in one; null = on the front.
+  /// A mode that is as good in all three and better in one, as far as the two can be told apart
+  /// (scheduler/record/interval.h); null = on the front.
   const RunRecord* beaten_by = nullptr;
 };
 
@@ -29,15 +30,16 @@ struct ModePoint {
 /// What no schedule of what any of these completed needs less than, in mJ a task.
 [[nodiscard]] std::optional<double> least_energy_mj(std::span<const RunRecord> runs);
 
-/// Runs that keep up (scheduler/record/keeping_up.h), or all where none does, in their order. Those
-/// that compare: of one platform, mix, duration and seed as the first.
+/// Of runs that compare with the first (answer.h), those that keep up (record/keeping_up.h), or all
+/// where none does, in their order.
 [[nodiscard]] std::vector<ModePoint> mode_points(std::span<const RunRecord> runs);
 
 /// Rate over energy, with both bounds; latency over energy, with that of energy. Each with the
 /// front of its two figures as a line.
 [[nodiscard]] std::vector<Chart> pareto_charts(const std::vector<ModePoint>& points);
 
-/// What can be had at best, beside other modes, with the bounds on it.
+/// What can be had at best, beside other modes, with the bounds on it, and why other runs are no
+/// points.
 [[nodiscard]] Document pareto_document(const ModeRuns& frontier);
 [[nodiscard]] Json pareto_json(const ModeRuns& frontier);
 

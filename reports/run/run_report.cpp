@@ -481,6 +481,10 @@ bool ran_the_same(const RunRecord& a, const RunRecord& b) {
   return key(a) == key(b);
 }
 
+std::int64_t dropped_tasks(const RunRecord& run) {
+  return run.dropped + run.expired - run.no_predecessor.value_or(0);
+}
+
 std::string column_name(const RunRecord& run, std::span<const RunRecord> runs) {
   return has_one_time(runs) ? run.mode : run.mode + ", " + run.time;
 }

@@ -2,6 +2,7 @@
 // machine or mix).
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -33,6 +34,10 @@ struct RunMarks {
 
 /// Whether they ran the same, by whatever time: platform, mix, profile, draw, duration, seed.
 [[nodiscard]] bool ran_the_same(const RunRecord& a, const RunRecord& b);
+
+/// Tasks that were dropped or expired, but for those of the first firings, which have no
+/// predecessor.
+[[nodiscard]] std::int64_t dropped_tasks(const RunRecord& run);
 
 /// The mode, with the time where that is not the same of all.
 [[nodiscard]] std::string column_name(const RunRecord& run, std::span<const RunRecord> runs);

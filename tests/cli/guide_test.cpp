@@ -45,6 +45,16 @@ TEST(Version, NamesCommitCompilerAndBackends) {
   EXPECT_THAT(found[3], testing::StartsWith("backends: cpu"));
 }
 
+TEST(Version, CannotBeLost) {
+  for (const char* const to : {" >/dev/full", " >&-"}) {
+    for (const char* const option : {" --version", " --help"}) {
+      const auto outcome = run(quoted(kProgram) + option + to);
+      EXPECT_EQ(outcome.exit_code, 4) << option << to;
+      EXPECT_THAT(outcome.err, HasSubstr("cannot write to standard output"));
+    }
+  }
+}
+
 TEST(Completion, OffersCommandsTheirKindsAndOptions) {
   EXPECT_THAT(offered({"re"}), ElementsAre("report", "regress", "replay", ":"));
   EXPECT_THAT(offered({""}), AllOf(Contains("schedule"), Not(Contains("worker"))));
@@ -106,8 +116,8 @@ TEST(Completion, SaysWhereFilesMayStand) {
 /// @param words  The same as readline breaks it, at '=' too.
 std::vector<std::string> bash_offers(const std::string& line, const std::string& words) {
   const auto outcome = run(
-      "bash --norc -c '. /usr/share/bash-completion/bash_completion; . " +
-      std::string(kSourceFolder) + "/cli/guide/pirt.bash; compopt() { :; }; COMP_WORDS=(" +
+      "bash --norc -c '. /usr/share/bash-completion/bash_completion; . \"" +
+      std::string(kSourceFolder) + "/cli/guide/pirt.bash\"; compopt() { :; }; COMP_WORDS=(" +
       kProgram + " " + words + "); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); COMP_LINE=\"" + kProgram +
       " " + line + "\"; COMP_POINT=${#COMP_LINE}; _pirt; printf \"%s\\n\" \"${COMPREPLY[@]}\"'");
   EXPECT_EQ(outcome.err, "");
@@ -134,9 +144,9 @@ TEST(Completion, WorksInFish) {
   if (!has("fish")) GTEST_SKIP() << "fish is not installed";
   const auto complete = [](const std::string& line) {
     const Scratch home;
-    const auto outcome =
-        run("HOME=" + home.file("") + " fish --no-config -c 'source " + std::string(kSourceFolder) +
-            "/cli/guide/pirt.fish; complete -C \"" + kProgram + " " + line + "\"'");
+    const auto outcome = run("HOME=" + home.file("") + " fish --no-config -c 'source \"" +
+                             std::string(kSourceFolder) + "/cli/guide/pirt.fish\"; complete -C \"" +
+                             kProgram + " " + line + "\"'");
     EXPECT_EQ(outcome.err, "");
     auto found = lines(outcome.out);
     for (auto& word : found) word = word.substr(0, word.find('\t'));
@@ -153,8 +163,8 @@ TEST(Completion, WorksInZsh) {
     const auto outcome =
         run("zsh -f -c 'compdef() { :; }; compset() { :; }; _files() { print files; }; "
             "compadd() { print -l -- $words_of; }; words=(" +
-            std::string(kProgram) + " " + words + "); CURRENT=$#words; . " + kSourceFolder +
-            "/cli/guide/_pirt; _pirt'");
+            std::string(kProgram) + " " + words + "); CURRENT=$#words; . \"" + kSourceFolder +
+            "/cli/guide/_pirt\"; _pirt'");
     EXPECT_EQ(outcome.err, "");
     return lines(outcome.out);
   };

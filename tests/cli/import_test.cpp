@@ -104,7 +104,11 @@ TEST_F(Import, TheFrontierSaysWhoseEnergyIsNotKnown) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("Mix i on platform bench"),
                                  HasSubstr("nobody knows what gpu draws; give it with --set"),
-                                 HasSubstr("for their energy is not known: ")));
+                                 HasSubstr("Not shown: ")));
+  const auto json =
+      pirt({"schedule", "--pareto", "--profile", database_, "--mix", mix, "--json", "-"}).json();
+  EXPECT_TRUE(json["points"].empty());
+  EXPECT_EQ(json["left_out"].back()["reason"], "its energy is not known");
 }
 
 TEST_F(Import, StoresNothingOfATableWithAWrongRow) {

@@ -96,7 +96,7 @@ class Kill : public testing::Test {
 };
 
 TEST_F(Kill, LosesNothingThatWasAcknowledgedAndResumes) {
-  const auto [first, wanted] = repetitions(5, 500);
+  const auto [first, wanted] = repetitions(3, 500);
   Random random(3 + static_cast<std::uint64_t>(first));
   std::set<std::string> promised;
   int kills = 0;

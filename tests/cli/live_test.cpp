@@ -165,6 +165,29 @@ pipelines: {p: {closed_loop: {frames: 30}, tasks: [{workload: pool5}]}}
   EXPECT_GE(again.json()["makespan_s"], 0.6);
 }
 
+TEST_F(LiveCommand, AProfileThatCannotBeUpdatedCostsNoResult) {
+  const std::string db = scratch_.file("p.db");
+  const auto made = pirt({"characterize", "--quick", "--filter", "^pool5$", "--db", db,
+                          "--platform", scratch_.write("was.yaml", slow_board("simulated", 1))});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const auto mix = scratch_.write("pool.yaml", R"(
+mix: m
+pipelines: {p: {closed_loop: {frames: 30}, tasks: [{workload: pool5}]}}
+)");
+  std::string command = "ulimit -f 32; " + quoted(kProgram);  // The database is larger.
+  for (const std::string& argument : std::vector<std::string>{
+           "schedule", "--live", "--mode", "olb", "--profile", db, "--platform",
+           scratch_.write("is.yaml", slow_board("wall", 5)), "--mix", mix, "--in-flight", "1",
+           "--update-profile", "--json", scratch_.file("run.json")}) {
+    command += " " + quoted(argument);
+  }
+  const auto outcome = run(command);
+  EXPECT_EQ(outcome.exit_code, 4) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr(db));
+  EXPECT_THAT(outcome.out, HasSubstr("olb"));
+  EXPECT_EQ(record()["completed"], 30);
+}
+
 TEST_F(LiveCommand, AUnitWithAClockOfItsOwnContradictsNoRow) {
   const std::string db = scratch_.file("p.db");
   const auto board = scratch_.write("slow.yaml", slow_board("simulated", 500));

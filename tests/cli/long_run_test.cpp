@@ -57,6 +57,16 @@ TEST_F(LongRun, CleansUpAtEverySignalThatEndsIt) {
   }
 }
 
+TEST_F(LongRun, IsGoneOnWithInTheTimeThatItWasGivenLast) {
+  EXPECT_EQ(run(with_signal(command(), "INT")).exit_code, 4);
+  const auto outcome =
+      run(with_signal("exec env --default-signal TMPDIR=" + quoted(tmp()) + " " + quoted(kProgram) +
+                          " characterize --resume --max-time 20min --db " + quoted(database()),
+                      "INT"));
+  EXPECT_EQ(outcome.exit_code, 4);
+  EXPECT_THAT(outcome.err, HasSubstr("--resume --max-time 20min --db " + database()));
+}
+
 TEST_F(LongRun, LeavesSignalsIgnoredThatAreIgnoredWhenItStarts) {
   const auto outcome = run(with_signal(command("", "--ignore-signal=HUP"), "HUP"));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;

@@ -192,7 +192,7 @@ TEST_F(MainJob, SettingsTakeOneValueEach) {
 TEST_F(MainJob, ReportOfAPartialProfileSaysWhyThereAreNoModes) {
   const auto partial = scratch_->file("partial.db");
   const auto made = pirt({"characterize", "--quick", "--platform", "host-cpu", "--filter",
-                          "^pool5$", "--db", partial});
+                          "^pool5$", "--max-time", "5s", "--db", partial});
   ASSERT_EQ(made.exit_code, 0) << made.err;
   const auto report = pirt({"report", partial});
   EXPECT_EQ(report.exit_code, 0);
@@ -428,8 +428,8 @@ constexpr auto* kNoOpenCl = "OCL_ICD_VENDORS=/nonexistent";
 TEST(Characterize, GoesOnWithoutAnOpenClDevice) {
   PIRT_BACKEND_OR_SKIP("opencl")
   const Scratch scratch;
-  const auto outcome = pirt({"characterize", "--quick", "--filter", "^pool5$", "--db",
-                             scratch.file("p.db"), "--json", "-"},
+  const auto outcome = pirt({"characterize", "--quick", "--filter", "^pool5$", "--max-time", "5s",
+                             "--db", scratch.file("p.db"), "--json", "-"},
                             kNoOpenCl);
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("opencl"));
@@ -458,9 +458,9 @@ TEST(List, ShowsTheMissingDeviceWithItsRemedy) {
 TEST(Characterize, TakesRealPictures) {
   PIRT_DATA_OR_SKIP(images, "tum-fr3-office-640x480");
   const Scratch scratch;
-  const auto outcome =
-      pirt({"characterize", "--quick", "--platform", "host-cpu", "--filter", "^(undistort|sobel)$",
-            "--images", images.string(), "--db", scratch.file("p.db"), "--json", "-"});
+  const auto outcome = pirt({"characterize", "--quick", "--platform", "fake", "--units", "cpu",
+                             "--filter", "^(undistort|sobel)$", "--images", images.string(), "--db",
+                             scratch.file("p.db"), "--json", "-"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   bool resized = false;
   const auto json = outcome.json();

@@ -2,13 +2,16 @@
 // core (OpenMP), block signals around threads that they start, take SIGCHLD, lower priority and
 // limits, round otherwise (-ffast-math), set the locale's umask, and say hello on stdout.
 #include <fenv.h>
+#include <pthread.h>
 #include <sched.h>
 #include <signal.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cstddef>
 #include <cstdio>
+#include <cstdlib>
 
 namespace {
 
@@ -38,5 +41,15 @@ namespace {
   ::fesetround(FE_UPWARD);
   return true;
 }();
+
+/// At the end, where that is asked for, the stack that threads were given.
+__attribute__((destructor)) void tell_stack() {
+  if (std::getenv("PIRT_TEST_STACK") == nullptr) return;
+  pthread_attr_t attributes;
+  std::size_t size_bytes = 0;
+  ::pthread_getattr_default_np(&attributes);
+  ::pthread_attr_getstacksize(&attributes, &size_bytes);
+  std::fprintf(stderr, "stack of a thread: %zu kB\n", size_bytes >> 10U);
+}
 
 }  // namespace

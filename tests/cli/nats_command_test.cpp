@@ -113,8 +113,9 @@ pipelines:
   map: {rate_hz: 10, real_time: false, tasks: [{workload: pool5, eligible: [cloud]}]}
 )");
     measured = run_with_cloud(quoted(kProgram) +
-                              " characterize --quick --platform host-cloud --set "
-                              "cloud.server=$url --units cpu,cloud --filter '^pool5$' --db p.db");
+                              " characterize --quick --precision 50% --max-time 15s --platform "
+                              "host-cloud --set cloud.server=$url --units cpu,cloud --filter "
+                              "'^pool5$' --db p.db");
   }
   void SetUp() override {
     CloudTest::SetUp();
@@ -158,7 +159,8 @@ units:
   cloud: {role: cloud, backend: nats, active_w: 1, server: "nats://127.0.0.1:1"}
 )");
   const std::string remedy = "start one (nats-server -js), or name another";
-  const auto doctor = pirt({"doctor", "--platform", scratch->file("board.yaml")});
+  const auto doctor =
+      pirt({"doctor", "--platform", scratch->file("board.yaml"), "--seconds", "0.1"});
   EXPECT_THAT(doctor.out, HasSubstr("no connection to server nats://127.0.0.1:1"));
   EXPECT_THAT(doctor.out, HasSubstr(remedy));
   const auto measured = pirt({"characterize", "--quick", "--platform", scratch->file("board.yaml"),
@@ -320,7 +322,8 @@ TEST_F(CloudRobot, TakesItsRefinedMapBackFromTheCloud) {
 }
 
 TEST_F(CloudRobot, GoesOnWithoutACloudThatIsGone) {
-  const auto outcome = run_on_cloud("run-robot room", {.meanwhile = kill_server()});
+  const auto outcome =
+      run_on_cloud("run-robot room --set cloud.options.patience_s=5", {.meanwhile = kill_server()});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(record()["frames"].get<int>() + record()["dropped"].get<int>(), 200);
   EXPECT_GE(completed("activities", "bundle_adjust"), 1);

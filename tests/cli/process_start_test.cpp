@@ -10,6 +10,7 @@ namespace pirt::test {
 namespace {
 
 using testing::AllOf;
+using testing::AnyOf;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -64,6 +65,17 @@ TEST_F(ProcessStart, MeasuresWithSuchALibraryAsWithout) {
   EXPECT_EQ(finding("cores", preloaded()).at("found"), cores);
   EXPECT_THAT(std::string(finding("inherited", preloaded()).at("found")),
               AllOf(HasSubstr("LD_PRELOAD="), Not(HasSubstr("nice"))));
+}
+
+// The C library gives threads 2 MB where the limit is none.
+TEST_F(ProcessStart, GivesThreadsTheUsualStackWhateverTheLimit) {
+  for (const char* limit : {"unlimited", "128"}) {
+    const auto outcome = run(std::string("ulimit -S -s ") + limit + "; PIRT_TEST_STACK=1 " +
+                             preloaded() + " " + quoted(kProgram) + " list modes");
+    EXPECT_THAT(outcome.err, AnyOf(HasSubstr("stack of a thread: 8192 kB"),
+                                   HasSubstr("ulimit: ")))  // where the hard limit is lower
+        << limit;
+  }
 }
 
 TEST(LaunchersWishes, AreKeptAndSaid) {

@@ -60,7 +60,7 @@ TEST(Readme, AKernelInTwentyLinesIsMeasuredAndScheduled) {
   ASSERT_EQ(built.exit_code, 0) << built.err;
   EXPECT_EQ(built.err, "");
   const auto measured = pirt({"characterize", "--workloads", scratch.file("libmine.so"), "--units",
-                              "cpu", "--quick", "--max-time", "20s", "--db", scratch.file("p.db")});
+                              "cpu", "--quick", "--max-time", "10s", "--db", scratch.file("p.db")});
   ASSERT_EQ(measured.exit_code, 0) << measured.err;
   const auto mix = scratch.write("mine.yaml",
                                  "mix: mine\npipelines:\n  a: {rate_hz: 30, deadline_ms: 33, "

@@ -80,11 +80,66 @@ TEST_F(ReportOfRuns, AnswersForTheRunsThatAreGiven) {
   EXPECT_THAT(report.out, AllOf(HasSubstr("throughput keeps up"), Not(HasSubstr("Take "))));
 }
 
+TEST_F(ReportOfRuns, DrawsTheScheduleOfTheRunThatIsGiven) {
+  const auto record = scratch_->file("budget.json");
+  const auto run = pirt({"schedule", "--mode", "budget", "--objective", "energy", "--min-rate",
+                         "0.001", "--profile", database(), "--mix", kMix, "--json", record});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const auto page = scratch_->file("budget.html");
+  const auto report = pirt({"report", "page", database(), record, "--mix", kMix, "-o", page});
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  EXPECT_THAT(slurp(page), HasSubstr("--seed 1 --objective energy --min-rate 0.001 --trace"));
+}
+
+TEST_F(ReportOfRuns, APlatformIsTheFirstDatabasesAlone) {
+  const auto board =
+      scratch_->write("board.yaml",
+                      "platform: board\nunits: {fpga: {backend: fake, slots: 1, active_w: 1}}\n"
+                      "workloads: {convolution: {fpga: [{on: fpga, ms: 1, name: execute}]}}\n");
+  const auto other = scratch_->file("board.db");
+  const auto made = pirt(
+      {"characterize", "--quick", "--platform", board, "--filter", "^convolution$", "--db", other});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const auto report = pirt({"report", "text", database(), other, "--platform", "fake", "--set",
+                            "dsp.active_w=1", "--mix", kMix});
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  EXPECT_THAT(report.out, AllOf(HasSubstr("fpga"), HasSubstr("dsp")));
+}
+
+TEST_F(ReportOfRuns, ShowsHowSamplesOfEveryDatabaseAreSpread) {
+  const auto copy = scratch_->file("copy.db");
+  std::filesystem::copy_file(database(), copy);
+  const auto report = pirt({"report", "profile", database(), copy});
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  const std::string title = "How samples of a call are spread";
+  const auto table = [&](std::size_t begin) {
+    return report.out.substr(begin, report.out.find("narrow is steady", begin) - begin);
+  };
+  const auto first = report.out.find(title), last = report.out.rfind(title);
+  ASSERT_NE(first, last);
+  EXPECT_EQ(table(first), table(last));
+}
+
 TEST_F(ReportOfRuns, NeedsMoreThanATrace) {
   const auto trace = scratch_->file("trace.json");
   schedule("traced.json", {"--platform", "snapdragon820", "--trace", trace});
   expect_refused(pirt({"report", "page", trace, "-o", scratch_->file("r.html")}),
                  {"traces alone make no report", "--platform"});
+}
+
+TEST_F(ReportOfRuns, RefusesSettingsThatItCannotTake) {
+  const auto record = schedule("plain.json", {"--platform", "snapdragon820"});
+  const std::vector<std::vector<std::string>> documents = {
+      {"text", database()},    {"page", database()},  {"compare", database()},
+      {"paper", database()},   {"setup", database()}, {"offload", database()},
+      {"profile", database()}, {"text", record},      {"paper"}};
+  for (const auto& document : documents) {
+    SCOPED_TRACE(testing::PrintToString(document));
+    std::vector<std::string> words = {"report"};
+    words.insert(words.end(), document.begin(), document.end());
+    words.insert(words.end(), {"--set", "garbage"});
+    expect_refused(pirt(words), {"'garbage'"});
+  }
 }
 
 TEST_F(ReportOfRuns, SaysWhereItCannotWrite) {

@@ -21,7 +21,12 @@ class RunRobot : public testing::Test {
     options_.path.rest_s = 0.4;
     options_.width = 320;
     options_.height = 240;
-    write_euroc(generate_sequence(options_), scratch_.file("room"), 1);
+    // Its pictures are rendered once for the suite.
+    static const Scratch made;
+    static const bool written = write_euroc(generate_sequence(options_), made.file("room"), 1);
+    EXPECT_TRUE(written);
+    std::filesystem::copy(made.file("room"), scratch_.file("room"),
+                          std::filesystem::copy_options::recursive);
     scratch_.write("board.yaml", R"(
 platform: board
 units:
@@ -94,14 +99,16 @@ TEST_F(RunRobot, SaysWhetherTheMapThatWasLoadedWasFoundAndSavesItsOwnIfNot) {
   EXPECT_EQ(known.json()["map"], "found");
   EXPECT_GT(known.json()["known_map_points"], 20);
   EXPECT_LT(known.json()["map_found_after_s"], 2.0);
-  const auto text = pirt(arguments({"--serial", "--fast", "--load-slam-map", own}));
+  const auto text =
+      pirt(arguments({"--serial", "--fast", "--localize-only", "--load-slam-map", own}));
   EXPECT_THAT(text.out, HasSubstr("loaded map     found"));
 
   auto elsewhere = options_;
   elsewhere.room_seed = 4;
   write_euroc(generate_sequence(elsewhere), scratch_.file("elsewhere"), 1);
   const auto there = [&](std::vector<std::string> more) {
-    more.insert(more.begin(), {"run-robot", scratch_.file("elsewhere"), "--serial", "--fast"});
+    more.insert(more.begin(),
+                {"run-robot", scratch_.file("elsewhere"), "--serial", "--fast", "--localize-only"});
     return pirt(more);
   };
   const auto lost = there({"--load-slam-map", own, "--save-slam-map", scratch_.file("a.map"),
@@ -137,16 +144,39 @@ TEST_F(RunRobot, ComparesTheSerialRunWithEachMode) {
   EXPECT_THAT(text.out, HasSubstr("Not run: heft"));
 }
 
+TEST_F(RunRobot, AComparisonKeepsWhatRanAndSaysWhatFailed) {
+  const auto board = scratch_.write("broken.yaml", R"(
+platform: broken
+units:
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+  gpu: {backend: fake, slots: 1, active_w: 1, script: {fail_open: not plugged in}}
+)");
+  const auto outcome = pirt(arguments(
+      {"--platform", board, "--fast", "--duration", "1200ms", "--compare", "ect", "--json", "-"}));
+  ASSERT_EQ(outcome.exit_code, 4) << outcome.err;
+  const auto json = outcome.json();
+  ASSERT_EQ(json["runs"].size(), 1U);
+  EXPECT_THAT(json["not_run"][0], HasSubstr("not plugged in"));
+}
+
+TEST_F(RunRobot, AComparisonInWhichNothingIsLocalizedFails) {
+  const auto outcome =
+      pirt(live({"--fast", "--localize-only", "--duration", "100ms", "--compare", "ect"}));
+  EXPECT_EQ(outcome.exit_code, 4) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("nothing was localized"));
+}
+
 TEST_F(RunRobot, SaysNoPartOfAPathThatIsNone) {
-  const auto text = pirt(arguments({"--serial", "--fast", "--duration", "400ms"}));
+  const auto text =
+      pirt(arguments({"--serial", "--fast", "--localize-only", "--duration", "400ms"}));
   EXPECT_THAT(text.out, HasSubstr("standing still (SE(3)-aligned)"));
 }
 
 TEST_F(RunRobot, TakesOutByHowMuchPicturesAreLate) {
   const auto path = [&](const char* late) {
     const auto file = scratch_.file("late.txt");
-    const auto outcome = pirt(arguments(
-        {"--serial", "--fast", "--camera-late", late, "--trajectory", file, "--json", "-"}));
+    const auto outcome = pirt(arguments({"--serial", "--fast", "--localize-only", "--camera-late",
+                                         late, "--trajectory", file, "--json", "-"}));
     EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
     return line_of(slurp(file), 1);
   };
@@ -189,10 +219,20 @@ TEST_F(RunRobot, KeepsWhatRanWhenItIsInterrupted) {
   EXPECT_EQ(pirt({"replay", scratch_.file("t.json")}).exit_code, 0);
 }
 
+TEST_F(RunRobot, OfOneCameraTheOtherIsNotRead) {
+  std::filesystem::remove_all(scratch_.file("room/mav0/cam1/sensor.yaml"));
+  const auto outcome =
+      pirt(arguments({"--serial", "--fast", "--localize-only", "--mono", "--json", "-"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(outcome.json()["cameras"], 1);
+}
+
 TEST_F(RunRobot, TakesTruthOfAFile) {
   const std::string way = scratch_.file("way.txt");
-  ASSERT_EQ(pirt(arguments({"--serial", "--fast", "--trajectory", way})).exit_code, 0);
-  const auto same = pirt(arguments({"--serial", "--fast", "--truth", way, "--json", "-"}));
+  ASSERT_EQ(
+      pirt(arguments({"--serial", "--fast", "--localize-only", "--trajectory", way})).exit_code, 0);
+  const auto same =
+      pirt(arguments({"--serial", "--fast", "--localize-only", "--truth", way, "--json", "-"}));
   ASSERT_EQ(same.exit_code, 0) << same.err;
   EXPECT_LT(same.json()["ate_rms_m"].get<double>(), 1e-4) << "what it was written by";
   expect_refused(pirt(arguments({"--truth", scratch_.write("t.txt", "1 2 3\n")})),
@@ -220,8 +260,9 @@ TEST_F(RunRobot, ADamagedPictureIsLeftOutAndManyEndTheRun) {
   std::ranges::sort(pictures);
   std::filesystem::resize_file(pictures[30], 100);
   for (const bool serial : {true, false}) {
-    const auto once = pirt(serial ? arguments({"--serial", "--fast", "--json", "-"})
-                                  : live({"--fast", "--json", "-"}));
+    const auto once =
+        pirt(serial ? arguments({"--serial", "--fast", "--localize-only", "--json", "-"})
+                    : live({"--fast", "--localize-only", "--json", "-"}));
     ASSERT_EQ(once.exit_code, 0) << once.err;
     EXPECT_THAT(once.err, HasSubstr(pictures[30].filename().string()));
     const auto json = nlohmann::json::parse(once.out);
@@ -229,7 +270,7 @@ TEST_F(RunRobot, ADamagedPictureIsLeftOutAndManyEndTheRun) {
     EXPECT_EQ(json["frames"], 49);
   }
   for (std::size_t i = 31; i < 36; ++i) std::filesystem::resize_file(pictures[i], 100);
-  const auto many = pirt(arguments({"--serial", "--fast", "--json", "-"}));
+  const auto many = pirt(arguments({"--serial", "--fast", "--localize-only", "--json", "-"}));
   ASSERT_EQ(many.exit_code, 4) << many.err;
   EXPECT_THAT(many.err, HasSubstr("more than 5 % of the pictures cannot be read"));
   EXPECT_TRUE(nlohmann::json::parse(many.out)["stopped"]);
@@ -250,7 +291,8 @@ TEST_F(RunRobot, WhatCannotBeWrittenCostsNoOtherResult) {
 }
 
 TEST_F(RunRobot, ATrajectoryOnStdoutIsAlone) {
-  const auto outcome = pirt(arguments({"--serial", "--fast", "--trajectory", "-"}));
+  const auto outcome =
+      pirt(arguments({"--serial", "--fast", "--localize-only", "--trajectory", "-"}));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   std::istringstream lines(outcome.out);
   std::string line;

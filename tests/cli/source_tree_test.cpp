@@ -187,7 +187,7 @@ TEST(SourceTree, BackendHeadersStayInTheirFolder) {
       // For the time that they take to compile.
       {"nlohmann/", {"workloads/base/text/json.cpp"}},
       {"yaml-cpp/",
-       {"workloads/base/text/yaml.cpp", "workloads/backends/fake/fake_script.h",
+       {"workloads/base/text/yaml.cpp", "characterize/platform/platform_file.cpp",
         "characterize/platform/unit_request.cpp"}},
       {"CLI/", {"cli/options/command.cpp"}}};
   for (const auto& include : includes()) {
@@ -253,6 +253,32 @@ TEST(SourceTree, ThreadsOfLiveRunsMeetByOneHeader) {
     }
   }
   EXPECT_GT(lines, 2'000) << "the scan found too little to mean anything";
+}
+
+TEST(SourceTree, WhoeverHasAGpuRunsEachSuiteThatNeedsOne) {
+  std::ifstream script(fs::path(kSourceFolder) / "tests/bench/gpu");
+  std::string filter;
+  while (std::getline(script, filter) && !filter.starts_with("filter=")) {
+  }
+  // Those of no device, of certain drivers, and of how drivers end.
+  const std::vector<std::string> left_out = {
+      "OpenClBackend", "OpenClErrors",          "OpenClParameters",       "OpenClWithoutDriver",
+      "OpenClProgram", "OpenClDeviceDeathTest", "OpenClDriversDeathTest", "OpenClLimitsDeathTest"};
+  const std::regex test(R"(^TEST(_F|_P)?\((OpenCl\w+),)");
+  int suites = 0;
+  const auto room = fs::path(kSourceFolder) / "tests/workloads/backends/opencl";
+  for (const auto& entry : fs::directory_iterator(room)) {
+    std::ifstream in(entry.path());
+    std::smatch found;
+    for (std::string line; std::getline(in, line);) {
+      if (!std::regex_search(line, found, test)) continue;
+      const std::string suite = found[2];
+      ++suites;
+      if (std::ranges::find(left_out, suite) != left_out.end()) continue;
+      EXPECT_NE(filter.find("*" + suite + "."), std::string::npos) << suite;
+    }
+  }
+  EXPECT_GT(suites, 50) << "the scan found too little to mean anything";
 }
 
 TEST(SourceTree, TopLevelHoldsOnlyWhatIsMandated) {

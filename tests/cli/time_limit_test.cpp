@@ -138,10 +138,11 @@ class BesideAReader : public TimeLimit {
     const std::string err = scratch_.file("err");
     Outcome outcome;
     std::thread program([&] {
-      outcome = run("env --default-signal " + quoted(kProgram) +
-                    " characterize --quick --platform fake --filter '^(pool5|fc8)$' --db " +
-                    quoted(database()) + " 2>" + quoted(err) + " & echo $! >" +
-                    quoted(scratch_.file("pid")) + "; wait $!");
+      outcome = run(
+          "env --default-signal " + quoted(kProgram) +
+          " characterize --quick --platform fake --units cpu,gpu --filter '^(pool5|fc8)$' --db " +
+          quoted(database()) + " 2>" + quoted(err) + " & echo $! >" + quoted(scratch_.file("pid")) +
+          "; wait $!");
     });
     Shell shell(database());
     while (slurp(err).find("waiting for another program that reads") == std::string::npos) {
@@ -186,8 +187,8 @@ TEST_F(TimeLimit, TimesOfUnitsStopOnASignalAndAreMeasuredWhenItIsGoneOnWith) {
   // Once there are some rows of the first unit.
   const auto outcome = run(
       "env --default-signal " + quoted(kProgram) +
-      " characterize --quick --platform host-cpu --filter '^pool5$' --db " + quoted(database()) +
-      " & pid=$!; while ! grep -q handover " + quoted(database()) +
+      " characterize --quick --precision 50% --platform host-cpu --filter '^pool5$' --db " +
+      quoted(database()) + " & pid=$!; while ! grep -q handover " + quoted(database()) +
       "-seen 2>/dev/null; do sleep 0.3; " + quoted(kProgram) + " report " + quoted(database()) +
       " --json - >" + quoted(database()) + "-seen 2>/dev/null; done; kill -INT $pid; wait $pid");
   EXPECT_EQ(outcome.exit_code, 4) << outcome.err;

@@ -132,8 +132,11 @@ CampaignOptions campaign_options(const CharacterizeFlags& options) {
   return campaign;
 }
 
+/// The run keeps the time that it was begun with, which a raised one is not.
 std::string resume_hint(const CharacterizeFlags& options) {
-  return fmt::format("go on with: pirt characterize --resume --db {}",
+  const bool raised = options.resume && options.max_time;
+  return fmt::format("go on with: pirt characterize --resume{} --db {}",
+                     raised ? " --max-time " + in_shell(*options.max_time) : "",
                      path_in_shell(options.database));
 }
 

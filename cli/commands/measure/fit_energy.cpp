@@ -42,7 +42,7 @@ void check_fit(const FitOptions& options, const CampaignPlan& plan) {
 
 FitOutcome fit_run(const FitOptions& options, const CampaignOptions& campaign,
                    const Profile& profile) {
-  const auto fits = fit_units(profile, parameters_of(options));
+  const auto fits = fit_units(profile, campaign.platform, parameters_of(options));
   const auto is_fitted = [](const UnitFit& each) { return each.fit.refusal.empty(); };
   FitOutcome outcome;
   outcome.tables = fit_tables(fits);

@@ -50,7 +50,8 @@ void add_rereads(const std::vector<int>& cores, std::vector<UnitTimePart>& parts
       return reread().after({sleep, samples});
     }));
   }
-  const Nanos sweep = from_ms(1e3 * static_cast<double>(*reached_cache_bytes(cores)) / kBytesASecond);
+  const Nanos sweep =
+      from_ms(1e3 * static_cast<double>(*reached_cache_bytes(cores)) / kBytesASecond);
   parts.push_back({.phase = UnitPhase::kRereadCold,
                    .sleep = Nanos(0),
                    .samples = kCold,

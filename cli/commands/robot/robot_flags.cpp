@@ -103,7 +103,8 @@ void add_activities(Command& command, ActivityFlags& flags) {
   add_text(command, "--goal", &flags.goal, "X,Y",
            "Where to, in metres on the map (default: goal.yaml's)");
   add_text(command, "--start", &flags.start, "X,Y,DEGREES",
-           "Where on the map the robot stands when the sequence begins (default: goal.yaml's)");
+           "Where on the map the robot stands, and its left camera looks, when the sequence begins "
+           "(default: goal.yaml's)");
   add_model(command, flags.model, "", "a detector, in place of AlexNet with seeded weights");
   add_fit(command, flags.model);
   add_model(command, flags.classifier, "classifier",

@@ -56,14 +56,11 @@ Sequence read(const RunRobotFlags& options) {
   if (options.dataset.empty()) throw_bad_input("name the folder of a sequence, or a recording");
   Sequence sequence = read_sequence(
       options.dataset, {.imu = !options.no_imu,
+                        .second_camera = !options.mono,
                         .topics = options.topics ? parse_topics(*options.topics) : SequenceTopics{},
                         .calibration = options.calibration.value_or(""),
                         .truth = options.truth.value_or(""),
                         .pair_tolerance = parse_duration(options.stereo_tolerance)});
-  if (options.mono) {
-    sequence.cameras.resize(1);
-    for (auto& frame : sequence.frames) frame.present.resize(1);
-  }
   for (Frame& frame : sequence.frames) frame.time -= from_s(options.camera_late_ms / 1e3);
   if (options.duration) {
     const Nanos end = sequence.frames.front().time + parse_duration(*options.duration);
@@ -134,6 +131,13 @@ struct Robot {
   }
 };
 
+/// Whether it knew at some time where it is.
+bool has_tracked(const RobotRun& run) {
+  return std::ranges::any_of(run.result.run.frames, [](const slam::FrameResult& frame) {
+    return frame.status == slam::Status::kTracking;
+  });
+}
+
 int compare(const RunRobotFlags& options, Robot robot) {
   const auto modes = options.compare.empty() ? paper_modes() : find_policies(options.compare);
   std::vector<RobotRun> runs;
@@ -146,6 +150,7 @@ int compare(const RunRobotFlags& options, Robot robot) {
   }
   const std::size_t serial_runs = runs.size();
   std::vector<std::string> skipped;
+  bool failed = false;
   for (const auto& mode : modes) {
     if (robot.localization.stops() > 0) {
       skipped.push_back(fmt::format("Not run: {}: interrupted", mode));
@@ -155,13 +160,14 @@ int compare(const RunRobotFlags& options, Robot robot) {
     try {
       runs.push_back(robot.run(true));
     } catch (const Error& error) {
-      if (error.code() != ErrorCode::kBadInput) throw;
+      failed = failed || error.code() != ErrorCode::kBadInput;
       skipped.push_back(fmt::format("Not run: {}: {}", mode, error.what()));
     }
   }
   const bool interrupted = robot.localization.stops() > 0;
-  if (runs.size() == serial_runs && !skipped.empty() && !interrupted)
+  if (runs.size() == serial_runs && !skipped.empty() && !interrupted && !failed)
     throw_bad_input(skipped.front());
+  const bool lost = !options.no_update && std::ranges::none_of(runs, has_tracked);
   Table table = robot_comparison(runs);
   for (const RobotRun& each : runs) {
     if (!each.result.stopped) continue;
@@ -174,14 +180,8 @@ int compare(const RunRobotFlags& options, Robot robot) {
   for (const RobotRun& each : runs) json["runs"].push_back(robot_json(each, options.dataset));
   for (const std::string& each : skipped) json["not_run"].push_back(each);
   emit(render({.title = "", .parts = {std::move(table)}}, Format::kText), json, options.json);
-  return interrupted ? kExitEnvironment : 0;
-}
-
-/// Whether it knew at some time where it is.
-bool has_tracked(const RobotRun& run) {
-  return std::ranges::any_of(run.result.run.frames, [](const slam::FrameResult& frame) {
-    return frame.status == slam::Status::kTracking;
-  });
+  if (lost && !interrupted) warn("nothing was localized in any of the runs");
+  return interrupted || failed || lost ? kExitEnvironment : 0;
 }
 
 std::string picture(const RunRobotFlags& options, const Sequence& sequence, const RobotRun& run) {

@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <exception>
 #include <limits>
 #include <map>
 #include <memory>
@@ -306,16 +307,25 @@ int schedule(const ScheduleFlags& options) {
   std::optional<ProfileWriter> writer;  // Before the run: what cannot be written is said now.
   LiveCalls calls;
   if (options.update_profile) {
-    writer.emplace(*options.profile);
+    FileWait waiting;
+    waiting.longest.reset();  // The run cannot be had again.
+    waiting.notice = warn;
+    writer.emplace(*options.profile, waiting);
     live.calls = [&calls](LiveCalls made) { calls = std::move(made); };
   }
   const auto record = options.live ? inputs.run_live(settings, live) : inputs.run(settings);
-  if (writer) update_profile(*writer, inputs, record, calls);
   warn_all(record.warnings);
   Results results;
   results.emit(render(run_document(record), Format::kText), to_json(record), options.json);
   if (!record.trace_problem.empty()) results.add(record.trace_problem);
+  std::exception_ptr not_updated;
+  try {
+    if (writer) update_profile(*writer, inputs, record, calls);
+  } catch (const Error&) {
+    not_updated = std::current_exception();
+  }
   results.check();
+  if (not_updated) std::rethrow_exception(not_updated);
   if (stops != nullptr && *stops > 0) return kExitEnvironment;
   return is_short(record) ? kExitCheckFailed : 0;
 }

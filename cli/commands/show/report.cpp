@@ -134,11 +134,12 @@ Profile open_profile(const ReportFlags& options, const std::string& file, bool s
   return held_against(options.own, options.mix, std::move(profile));
 }
 
-/// A board beside the machine, of its newest run: --platform names the machine's.
-Profile open_other(const ReportFlags& options, const std::string& file) {
-  Profile profile = ProfileReader(file).read();
-  profile.path = file;
-  return held_against(options.own, options.mix, std::move(profile));
+/// For the boards beside the machine, each of its newest run: --platform and --set are the
+/// machine's, whose database comes first.
+ReportFlags of_others(ReportFlags options) {
+  options.platform.reset();
+  options.settings.clear();
+  return options;
 }
 
 /// The platform that is given, or the profile's.
@@ -149,15 +150,24 @@ Platform platform_for(const ReportFlags& options, const Profile& profile) {
                           : platform_of(profile, overrides);
 }
 
+/// Where no platform is read that they could change.
+void reject_settings(const ReportFlags& options) {
+  if (options.settings.empty()) return;
+  throw_bad_input("--set '" + options.settings.front() +
+                  "' changes nothing here: no platform is read; leave it out");
+}
+
 /// The platform of a profile, or why it is not known.
 struct FoundPlatform {
   std::optional<Platform> platform;
   std::string why_not;
 };
+/// @throws Error{kBadInput} if the command line asks for one that cannot be.
 FoundPlatform find_platform(const ReportFlags& options, const Profile& profile) {
   try {
     return {platform_for(options, profile), ""};
   } catch (const Error& error) {
+    if (options.platform || !options.settings.empty()) throw;
     return {std::nullopt, error.what()};
   }
 }
@@ -174,6 +184,31 @@ ModeRuns modelled_runs(const ReportFlags& options, const Mix& mix,
                        const std::vector<std::string>& modes) {
   return run_modes(load_platform(options.platform.value(), parse_overrides(options.settings)),
                    nullptr, mix, modes, {});
+}
+
+/// Makes @p schedule what @p run was made by, but for its mode and seed.
+/// @return  The same as flags.
+std::string take_settings(const RunRecord& run, const Mix& mix, ScheduleOptions& schedule) {
+  std::string flags;
+  if (run.objective && find_policy(run.mode).budgets) {
+    schedule.objective = find_objective(*run.objective);
+    flags += " --objective " + *run.objective;
+    if (!mix.fires_once()) {
+      schedule.min_rate_per_ms = run.min_rate_per_ms;
+      schedule.power_cap_w = run.power_cap_w;
+    }
+    if (schedule.min_rate_per_ms) flags += fmt::format(" --min-rate {}", *schedule.min_rate_per_ms);
+    if (schedule.power_cap_w) flags += fmt::format(" --power-cap {}W", *schedule.power_cap_w);
+  }
+  if (run.overflow == "literal") {
+    schedule.overflow = Overflow::kLiteral;
+    flags += " --overflow literal";
+  }
+  if (run.draw) {
+    schedule.draw = find_draw(*run.draw);
+    if (schedule.draw != Draw::kMedian) flags += " --draw " + *run.draw;
+  }
+  return flags;
 }
 
 /// What the first seconds of virtual time look like, where no trace was given: of the given run, if
@@ -197,16 +232,19 @@ std::optional<Timeline> make_timeline(const Machine& machine, const Mix& mix,
   if (mix.open_loop()) schedule.duration = std::chrono::seconds(2);
   const ScratchFolder scratch;
   schedule.trace = (scratch.path() / "trace.json").string();
+  std::string settings;
   try {
+    if (!runs.empty()) settings = take_settings(runs.front(), mix, schedule);
     static_cast<void>(run_virtual(*machine.platform, &machine.profile, mix, schedule));
   } catch (const Error&) {
     return std::nullopt;  // the report says already why the mode cannot run
   }
   auto timeline = load_timeline(*schedule.trace);
   timeline.source = fmt::format(
-      "virtual time; the whole of it: pirt schedule --mode {} --profile {} --mix {} --seed {} "
+      "virtual time; the whole of it: pirt schedule --mode {} --profile {} --mix {} --seed {}{} "
       "--trace trace.json",
-      schedule.mode, path_in_shell(machine.profile.path), in_shell(mix.name), schedule.seed);
+      schedule.mode, path_in_shell(machine.profile.path), in_shell(mix.name), schedule.seed,
+      settings);
   return timeline;
 }
 
@@ -228,14 +266,21 @@ int report_all(const ReportFlags& options) {
         "traces alone make no report; add the profile database or the run's record (pirt schedule "
         "--json), or --platform of a modelled board");
   }
+  if (files.databases.empty() && !files.runs.empty()) reject_settings(options);
   ReportInputs inputs;
   for (const auto& file : files.runs) inputs.runs.push_back(load_run_record(file));
   for (const auto& file : files.traces) inputs.timelines.push_back(load_timeline(file));
+  const ReportFlags others = of_others(options);
   std::vector<Profile> profiles;
-  for (const auto& file : files.databases) profiles.push_back(open_profile(options, file, true));
+  for (const auto& file : files.databases) {
+    profiles.push_back(open_profile(profiles.empty() ? options : others, file, true));
+  }
   inputs.mix = load_mix(options.mix);  // Profiles say what workloads of their own they have.
   for (Profile& profile : profiles) {
-    inputs.machines.push_back(read_machine(options, std::move(profile), inputs.mix));
+    const bool of_first =
+        inputs.machines.empty() || profile.platform() == inputs.machines.front().profile.platform();
+    inputs.machines.push_back(
+        read_machine(of_first ? options : others, std::move(profile), inputs.mix));
   }
   if (inputs.machines.empty() && inputs.runs.empty()) {
     inputs.modelled = modelled_runs(options, inputs.mix, policy_names());
@@ -258,14 +303,15 @@ int report_all(const ReportFlags& options) {
 }
 
 int report_profile(const ReportFlags& options) {
+  reject_settings(options);
+  const ReportFlags others = of_others(options);
   ReportInputs inputs;
   for (const auto& file : options.files) {
-    inputs.machines.push_back({.profile = inputs.machines.empty()
-                                              ? open_profile(options, file, true)
-                                              : open_other(options, file),
-                               .platform = std::nullopt,
-                               .modes = {},
-                               .table5 = {}});
+    inputs.machines.push_back(
+        {.profile = open_profile(inputs.machines.empty() ? options : others, file, true),
+         .platform = std::nullopt,
+         .modes = {},
+         .table5 = {}});
   }
   Document document = full_report(inputs);
   document.title = "pirt report profile";
@@ -275,12 +321,12 @@ int report_profile(const ReportFlags& options) {
 
 int report_setup(const ReportFlags& options) {
   const auto profile = open_profile(options, only_file(options, "setup"), false);
+  const auto found = find_platform(options, profile);
   std::vector<OffloadedCall> calls;
-  try {
-    calls = offloaded_calls(profile, platform_for(options, profile), "convolution");
-  } catch (const Error& error) {
-    if (options.platform || !options.settings.empty()) throw;
-    warn(error.what());
+  if (found.platform) {
+    calls = offloaded_calls(profile, *found.platform, "convolution");
+  } else {
+    warn(found.why_not);
   }
   const auto costs = offloading_costs(profile);
   Document document{.title = "pirt report setup", .parts = {profile_header(profile)}};
@@ -335,6 +381,7 @@ int report_paper(const ReportFlags& options) {
     throw_bad_input("pirt report paper takes profile databases, not '" +
                     (files.runs.empty() ? files.traces : files.runs).front() + "'");
   }
+  if (files.databases.empty()) reject_settings(options);
   std::optional<Profile> profile;
   if (!files.databases.empty()) profile = open_profile(options, files.databases.front(), false);
   const auto mix = load_mix(options.mix);
@@ -345,7 +392,7 @@ int report_paper(const ReportFlags& options) {
   }
   std::vector<Profile> others;
   for (std::size_t i = 1; i < files.databases.size(); ++i) {
-    others.push_back(open_other(options, files.databases[i]));
+    others.push_back(open_profile(of_others(options), files.databases[i], false));
   }
   const auto paper = run_paper();
   const Machine* evidence = machine ? &*machine : nullptr;
@@ -469,7 +516,8 @@ void add_common(Command& command, const std::shared_ptr<ReportFlags>& options, c
   }
   add_output(command, "-o,--output", options->output, "Write to a file instead of stdout");
   add_input(command, "--platform", &options->platform,
-            "Show the runs of this platform (default: that of the newest run)",
+            "Show the runs of this platform (default: that of the newest run, as of each further "
+            "database)",
             FileUse::kReadIfFile)
       .offers(offer_platforms());
   add_settings(command, options->settings);
