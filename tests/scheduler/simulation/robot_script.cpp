@@ -405,8 +405,9 @@ class Robot {
       if (!full && how > 4) expect_state();
     }
     std::vector<TaskFuture> outlive;
-    for (Entry& entry : entries_) {
-      if (entry.future.valid() && random_.below(2) == 0) outlive.push_back(entry.future);
+    for (std::size_t i = 0; i < entries_.size(); ++i) {  // A callback may submit meanwhile.
+      const TaskFuture& future = entries_[i].future;
+      if (future.valid() && random_.below(2) == 0) outlive.push_back(future);
     }
     world_.note("the runtime ends");
     owned_.reset();
