@@ -64,8 +64,7 @@ std::vector<TaskGroup> by_kind(const Work& work) {
 
 void sort_unique(std::vector<std::size_t>& values) {
   std::ranges::sort(values);
-  const auto rest = std::ranges::unique(values);
-  values.erase(rest.begin(), rest.end());
+  values.erase(std::unique(values.begin(), values.end()), values.end());
 }
 
 /// Where no task may be done more often than those that it comes after. Of one kind and alike are

@@ -126,8 +126,8 @@ TEST_F(Kill, LosesNothingThatWasAcknowledgedAndResumes) {
         std::filesystem::exists(database()) && (static_cast<void>(stored()), has_unfinished_run());
     const auto begin = Clock::now();
     const pid_t child = start(resume);
-    const auto moment =
-        begin + std::chrono::nanoseconds(to_be_killed ? random.below(whole_run.count()) : 0);
+    const auto most = static_cast<std::uint64_t>(whole_run.count());
+    const auto moment = begin + std::chrono::nanoseconds(to_be_killed ? random.below(most) : 0);
     int status = 0;
     while (::waitpid(child, &status, WNOHANG) == 0) {
       if (to_be_killed && Clock::now() >= moment) {

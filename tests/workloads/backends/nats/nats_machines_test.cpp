@@ -492,7 +492,7 @@ TEST_F(CloudDesk, AsksTheRunsOfARobotInTurns) {
   std::map<std::uint64_t, int> served;
   Nanos now{0};
   for (int i = 0; i < 10; ++i) {
-    for (const std::uint64_t run : {1, 2}) desk_.offered("a", run, 100, now);
+    for (const std::uint64_t run : {1U, 2U}) desk_.offered("a", run, 100, now);
     const auto claim = desk_.claim(now);
     ASSERT_TRUE(claim);
     ASSERT_TRUE(desk_.take("a", claim->run, 99, now));

@@ -231,7 +231,7 @@ void Simulation::submit(Robot& robot) {
   robot.caller->submit(std::move(submission), now_);
   // Whoever submitted it takes it back then.
   if (expected.deadline) {
-    at(now_ + lasts, [this, &robot, task] {
+    at(now_ + lasts, [&robot, task] {
       if (robot.run == task.run) robot.caller->cancel(task);
     });
   }
