@@ -95,7 +95,7 @@ class Rounds {
       const auto both = live_and_predicted(pair_mix(a, b), "throughput", "", round);
       makespans_[a + " and " + b].add(both.first.makespan_s, both.second.makespan_s);
     }
-    for (const std::size_t others : {0, 2, 4, 6}) {
+    for (const std::size_t others : {0U, 2U, 4U, 6U}) {
       const auto both =
           live_and_predicted(alternating_mix(others), "latency", "--in-flight 1", round);
       alternating_[fmt::format("{} and {}, {} others between", kShort[0], kShort[1], others)].add(
@@ -116,7 +116,9 @@ class Rounds {
     const auto relative = [](const Figure& figure) {
       return fmt::format("{:+.1f} %", 100 * figure.off() / median(figure.live));
     };
-    for (const auto& [name, pipeline] : pipelines_) {
+    for (const auto& each : pipelines_) {
+      const auto& name = each.first;  // no bindings: a lambda takes them
+      const auto& pipeline = each.second;
       const auto rounds = static_cast<std::int64_t>(pipeline.p50_ms.live.size());
       if (rounds == 0) continue;
       const auto check = [&](const Figure& figure, const char* word, std::int64_t least,

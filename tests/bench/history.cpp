@@ -78,7 +78,7 @@ int main(int argc, char** argv) {
   const int series = argc > 1 ? std::max(1, std::atoi(argv[1])) : 2000;
   fmt::print("{:>7} {:>6} {:>14} | {:>12} {:>12} | {:>12} {:>12}\n", "points", "AR(1)", "step at",
              "found %", "windows %", "false/1000", "windows");
-  for (const std::size_t points : {20, 50, 100, 200}) {
+  for (const std::size_t points : {20U, 50U, 100U, 200U}) {
     for (const double rho : {0.0, 0.3}) {
       for (const bool at_end : {true, false}) {
         Random random(1);

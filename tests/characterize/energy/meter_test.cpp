@@ -1,5 +1,6 @@
 #include "characterize/energy/meter.h"
 
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/fsuid.h>

@@ -94,7 +94,7 @@ TEST(Turns, WhatWaitsForUnitsIsAskedForWhenTheirLoadsFall) {
     Effects out;
     TaskId next = 0;
     for (int i = 0; i < 20; ++i) {
-      for (const WorkloadId workload : {0, 1}) {
+      for (const WorkloadId workload : {0U, 1U}) {
         const NamedTask task = task_of(
             next, {.workload = workload, .eligible = unit_bit(workload == 0 ? kGpu : kDsp)});
         ASSERT_TRUE(dispatcher.submit(next++, std::span(&task, 1), Nanos(0), out));

@@ -1,6 +1,7 @@
 // Errors of trajectories against values worked by hand, and trajectories as text.
 #include "workloads/inputs/sequence/trajectory.h"
 
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -80,7 +80,8 @@ class MapUse {
     std::ranges::stable_sort(seen, {}, &Sighting::bits);
     if (seen.size() > most)
       seen.erase(seen.begin() + static_cast<std::ptrdiff_t>(most), seen.end());
-    std::ranges::stable_partition(seen, [](const Sighting& each) { return !each.known; });
+    std::stable_partition(seen.begin(), seen.end(),
+                          [](const Sighting& each) { return !each.known; });
     return seen;
   }
 

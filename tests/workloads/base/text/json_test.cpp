@@ -19,7 +19,9 @@ std::string library_text(const Library& json, int indent = -1) {
   return json.dump(indent, ' ', false, Library::error_handler_t::replace);
 }
 
-std::string nested(int levels) { return std::string(levels, '[') + std::string(levels, ']'); }
+std::string nested(std::size_t levels) {
+  return std::string(levels, '[') + std::string(levels, ']');
+}
 
 TEST(Json, WritesWhatItReadAsTheLibraryDoes) {
   for (const char* text : {"null",
@@ -75,7 +77,7 @@ TEST(Json, RefusesWhatTheLibraryRefusesInItsWords) {
 
 TEST(Json, HasALimitOfLevelsInsteadOfTheStacks) {
   EXPECT_EQ(json_text(parse_json(nested(kMostJsonLevels))), nested(kMostJsonLevels));
-  for (const int levels : {kMostJsonLevels + 1, 5'000'000}) {
+  for (const std::size_t levels : {std::size_t{kMostJsonLevels} + 1, std::size_t{5'000'000}}) {
     EXPECT_THAT([&] { static_cast<void>(parse_json(nested(levels))); },
                 ThrowsMessage<JsonError>(HasSubstr("more than 1000 lists and objects")));
     EXPECT_FALSE(try_parse_json(std::string(levels, '[')));
