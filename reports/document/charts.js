@@ -280,9 +280,14 @@
     drawLines(box, chart, x, y);
     const places = [];
     markGroups(box, chart).each(function (mark) {
-      const place = {x: known(mark.x) ? x(mark.x) : box.left, y: known(mark.y) ? y(mark.y) : box.bottom, name: mark.group, rank: series.indexOf(mark.series)};
+      const place = {
+        x: known(mark.x) ? x(mark.x) : box.left,
+        y: known(mark.y) ? y(mark.y) : box.bottom,
+        name: mark.group,
+        rank: series.indexOf(mark.series),
+      };
       places.push(place);
-      sign(d3.select(this).append("g").attr("transform", `translate(${place.x},${place.y})`), mark, series.indexOf(mark.series), 70);
+      sign(d3.select(this).append("g").attr("transform", `translate(${place.x},${place.y})`), mark, place.rank, 70);
     });
     nameMarks(box, places.sort((a, b) => a.rank - b.rank)); // The first series, those that nobody beats, find a place first.
   }
