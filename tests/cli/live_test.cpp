@@ -127,15 +127,23 @@ std::string slow_board(const std::string& clock, int ms) {
          clock + ", stages: {pool5: [{name: execute, ms: " + std::to_string(ms) + "}]}}}}\n";
 }
 
-TEST_F(LiveCommand, RowsThatTheRunContradictsAreMeasuredAnew) {
-  const std::string db = scratch_.file("p.db");
+/// A profile of pool5 on one that takes a millisecond.
+std::string slow_profile(const Scratch& scratch) {
+  std::string db = scratch.file("p.db");
   const auto made = pirt({"characterize", "--quick", "--filter", "^pool5$", "--db", db,
-                          "--platform", scratch_.write("was.yaml", slow_board("simulated", 1))});
-  ASSERT_EQ(made.exit_code, 0) << made.err;
-  const auto mix = scratch_.write("pool.yaml", R"(
+                          "--platform", scratch.write("was.yaml", slow_board("simulated", 1))});
+  EXPECT_EQ(made.exit_code, 0) << made.err;
+  return db;
+}
+
+constexpr const char* kPoolMix = R"(
 mix: m
 pipelines: {p: {closed_loop: {frames: 30}, tasks: [{workload: pool5}]}}
-)");
+)";
+
+TEST_F(LiveCommand, RowsThatTheRunContradictsAreMeasuredAnew) {
+  const std::string db = slow_profile(scratch_);
+  const auto mix = scratch_.write("pool.yaml", kPoolMix);
   const auto outcome = pirt({"schedule", "--live", "--mode", "olb", "--profile", db, "--platform",
                              scratch_.write("is.yaml", slow_board("wall", 20)), "--mix", mix,
                              "--in-flight", "1", "--update-profile"});
@@ -166,14 +174,8 @@ pipelines: {p: {closed_loop: {frames: 30}, tasks: [{workload: pool5}]}}
 }
 
 TEST_F(LiveCommand, AProfileThatCannotBeUpdatedCostsNoResult) {
-  const std::string db = scratch_.file("p.db");
-  const auto made = pirt({"characterize", "--quick", "--filter", "^pool5$", "--db", db,
-                          "--platform", scratch_.write("was.yaml", slow_board("simulated", 1))});
-  ASSERT_EQ(made.exit_code, 0) << made.err;
-  const auto mix = scratch_.write("pool.yaml", R"(
-mix: m
-pipelines: {p: {closed_loop: {frames: 30}, tasks: [{workload: pool5}]}}
-)");
+  const std::string db = slow_profile(scratch_);
+  const auto mix = scratch_.write("pool.yaml", kPoolMix);
   std::string command = "ulimit -f 32; " + quoted(kProgram);  // The database is larger.
   for (const std::string& argument : std::vector<std::string>{
            "schedule", "--live", "--mode", "olb", "--profile", db, "--platform",

@@ -216,52 +216,50 @@ std::string gitlab_script(const std::string& name) {
   return lines(name, "before_script") + lines(name, "script");
 }
 
+// Of whoever commits, for commands of git.
+constexpr const char* kIdentity =
+    "GIT_CONFIG_GLOBAL=/dev/null GIT_AUTHOR_NAME=a GIT_AUTHOR_EMAIL=a@a GIT_COMMITTER_NAME=a "
+    "GIT_COMMITTER_EMAIL=a@a ";
+const std::string kIntoMain = std::string(kIdentity) + "CI_MERGE_REQUEST_TARGET_BRANCH_NAME=main";
+
 TEST(WorkflowSteps, OfGitlabCompareTwoProgramsOnARunnerThatKeepsItsFolder) {
   Runner runner;
   runner.source(".", "0.010");
-  const std::string identity =
-      "GIT_CONFIG_GLOBAL=/dev/null GIT_AUTHOR_NAME=a GIT_AUTHOR_EMAIL=a@a GIT_COMMITTER_NAME=a "
-      "GIT_COMMITTER_EMAIL=a@a ";
   const auto repository = runner.job(
       "git init -q -b main .; echo build > .gitignore; git add -A; git commit -qm 1\n"
       "git clone -q --bare . ../origin; git remote add origin ../origin\n"
       "git checkout -qb branch",
-      identity);
+      kIdentity);
   ASSERT_EQ(repository.exit_code, 0) << repository.err;
-  const std::string target = identity + "CI_MERGE_REQUEST_TARGET_BRANCH_NAME=main";
-  const auto same = runner.job(gitlab_script("pirt-programs"), target);
+  const auto same = runner.job(gitlab_script("pirt-programs"), kIntoMain);
   EXPECT_EQ(same.exit_code, 0) << same.out << same.err;
   runner.source(".", "0.012");
-  const auto slower = runner.job(gitlab_script("pirt-programs"), target);
+  const auto slower = runner.job(gitlab_script("pirt-programs"), kIntoMain);
   EXPECT_EQ(slower.exit_code, 1) << slower.out << slower.err;
   EXPECT_THAT(slurp(runner.file("work/pirt.md")), testing::HasSubstr("REGRESSION"));
   // A runner that cleans what git does not know keeps what it knows of worktrees.
-  ASSERT_EQ(runner.job("git clean -qffdx", identity).exit_code, 0);
-  EXPECT_EQ(runner.job(gitlab_script("pirt-programs"), target).exit_code, 1);
+  ASSERT_EQ(runner.job("git clean -qffdx", kIdentity).exit_code, 0);
+  EXPECT_EQ(runner.job(gitlab_script("pirt-programs"), kIntoMain).exit_code, 1);
 }
 
 // A speed-up that others merged since is none of the branch's slowdowns.
 TEST(WorkflowSteps, OfGitlabCompareABranchWithWhatItLeft) {
   Runner runner;
   runner.source(".", "0.010");
-  const std::string identity =
-      "GIT_CONFIG_GLOBAL=/dev/null GIT_AUTHOR_NAME=a GIT_AUTHOR_EMAIL=a@a GIT_COMMITTER_NAME=a "
-      "GIT_COMMITTER_EMAIL=a@a ";
   const auto repository = runner.job(
       "git init -q -b main .; printf 'build\\n*.db\\nbase_commit\\n' > .gitignore; git add -A\n"
       "git commit -qm 1; git clone -q --bare . ../origin; git remote add origin ../origin\n"
       "git checkout -qb branch; git clone -q ../origin ../other; cd ../other\n"
-      "echo 0.008 > speed; git commit -qam 2; git push -q; git rev-parse HEAD > "
-      "../work/base_commit",
-      identity);
+      "echo 0.008 > speed; git commit -qam 2; git push -q\n"
+      "git rev-parse HEAD > \"$OLDPWD/base_commit\"",
+      kIdentity);
   ASSERT_EQ(repository.exit_code, 0) << repository.err;
-  const std::string target = identity + "CI_MERGE_REQUEST_TARGET_BRANCH_NAME=main";
-  const auto programs = runner.job(gitlab_script("pirt-programs"), target);
+  const auto programs = runner.job(gitlab_script("pirt-programs"), kIntoMain);
   EXPECT_EQ(programs.exit_code, 0) << programs.out << programs.err;
   // The base of profiles is the default branch's newest, which has that commit.
   runner.write("work/base.db", "");
   runner.source(".", "2.0");
-  const auto profiles = runner.job(gitlab_script("pirt-profiles"), target);
+  const auto profiles = runner.job(gitlab_script("pirt-profiles"), kIntoMain);
   EXPECT_EQ(profiles.exit_code, 3) << profiles.err;
   EXPECT_THAT(profiles.out, testing::HasSubstr("the base has what this branch has not"));
 }
