@@ -47,6 +47,16 @@ void count_phases(CallPhases& phases, const CallTimes& times) {
   phases.download.add(times.download);
 }
 
+/// What was @p made as kernels take it: a list may have a lower capacity than the one that is
+/// @p taken.
+Tensor as_taken(const Tensor& made, const TensorSpec& taken) {
+  if (made.spec().shape == taken.shape) return made.share();
+  Tensor list(taken);
+  list.set_rows(made.rows());
+  std::ranges::copy(made.used_bytes(), list.data());
+  return list;
+}
+
 class LiveRun final : public Executor, private LiveDriver {
  public:
   LiveRun(const Scenario& scenario, Dispatcher& dispatcher, const LiveOptions& options,
@@ -119,7 +129,7 @@ class LiveRun final : public Executor, private LiveDriver {
       const Firings::Made& made = port.earlier ? time_.firings().made_earlier(job, port.task)
                                                : time_.firings().made(job, port.task);
       if (made.data == nullptr) continue;  // Of a paced unit.
-      call.inputs[port.input] = (*made.data)[port.output].share();
+      call.inputs[port.input] = as_taken((*made.data)[port.output], workload.inputs[port.input]);
     }
     units_.run(unit, call, let_in);
   }

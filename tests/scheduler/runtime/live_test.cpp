@@ -8,6 +8,7 @@
 #include "scheduler/trace/replay.h"
 #include "scheduler/virtual/virtual_time.h"
 #include "tests/scheduler/support.h"
+#include "tests/support/optional_backend.h"
 #include "workloads/backends/registry.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"
@@ -268,6 +269,29 @@ workloads:
   EXPECT_EQ(run.dropped, 5);
   EXPECT_EQ(run.pipelines[0].dropped, 5);
   EXPECT_THAT(run.warnings, Contains(HasSubstr("failed: gaussian_blur on cpu")));
+}
+
+TEST(Live, AListOfALowerCapacityIsTakenWhereAHigherOneFits) {
+  PIRT_BACKEND_OR_SKIP("opencl");
+  Outputs outputs;
+  const RunRecord run = live(mix_of(R"(
+mix: m
+pipelines:
+  p:
+    closed_loop: {frames: 3}
+    tasks:
+      - {name: features, workload: extract_features}
+      - {name: track, workload: track_features, inputs: {corners: features.pixels}}
+)"),
+                             "met", outputs, "", R"(
+platform: board
+units:
+  gpu: {backend: opencl, slots: 1, active_w: 1}
+workloads:
+  extract_features: {gpu: [{on: gpu, ms: 5}]}
+  track_features: {gpu: [{on: gpu, ms: 5}]}
+)");
+  EXPECT_EQ(run.completed, 6) << testing::PrintToString(run.warnings);
 }
 
 /// One unit hangs at its first call, the other computes.
