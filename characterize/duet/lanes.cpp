@@ -20,7 +20,7 @@ struct Group {
 };
 
 /// Adds @p group to @p groups, as one with those that share a core with it.
-void join(std::vector<Group>& groups, Group group) {
+void add_group(std::vector<Group>& groups, Group group) {
   std::vector<Group> apart;
   for (Group& other : groups) {
     if (!other.shares_a_core_with(group)) {
@@ -56,7 +56,7 @@ DuetRounds side_by_side(const Platform& platform, const std::vector<DuetCell>& c
     if (group.cores.empty()) {
       anywhere.push_back(c);
     } else {
-      join(groups, std::move(group));
+      add_group(groups, std::move(group));
     }
   }
   DuetRounds rounds;

@@ -218,7 +218,8 @@ Model::Model(const ModelOptions& options) : file_(options.model.string()) {
 
 std::unique_ptr<Network> open_network(const fs::path& model,
                                       const std::optional<fs::path>& config) {
-  const Format& format = format_of({.model = model, .config = config, .config_option = "config"});
+  const ModelOptions options{.model = model, .config = config, .config_option = "config"};
+  const Format& format = format_of(options);
   return open_network({.format = format.format,
                        .model = read_file(model, kMostModelBytes),
                        .config = config ? read_text(*config) : ""},

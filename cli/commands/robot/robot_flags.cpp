@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kFarthest = 1e6;
 constexpr const char* kGoal = "x,y in metres, e.g. 1.5,2";
-constexpr const char* kStart = "x,y,degrees, e.g. 1.5,2,90";
+constexpr const char* kStartText = "x,y,degrees, e.g. 1.5,2,90";
 
 /// "1.5,2" as so many numbers.
 std::vector<double> parse_numbers(const std::string& option, const std::string& text,
@@ -86,7 +86,7 @@ std::optional<ActivityOptions> ActivityFlags::options(const std::string& dataset
         "one camera without an IMU has no scale, and so no place on a map; add --localize-only");
   }
   const auto to = numbers_of(goal, "goal", folder / "goal.yaml", 2, kGoal);
-  const auto from = numbers_of(start, "start", folder / "goal.yaml", 3, kStart);
+  const auto from = numbers_of(start, "start", folder / "goal.yaml", 3, kStartText);
   ActivityOptions::Planning planning;
   planning.map = planning::read_map(*grid);
   planning.goal = {to[0], to[1]};

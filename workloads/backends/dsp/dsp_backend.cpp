@@ -17,7 +17,7 @@
 namespace pirt {
 namespace {
 
-Support support_of(const Workload& workload) {
+Support dsp_support(const Workload& workload) {
   if (workload.variant == "map") {
     return {false, "backend dsp shares its memory with the host as it is: nothing to map"};
   }
@@ -108,7 +108,7 @@ class DspDevice : public Device {
             .compute_units = 1};
   }
   [[nodiscard]] Support supports(const Workload& workload) const override {
-    return support_of(workload);
+    return dsp_support(workload);
   }
   [[nodiscard]] const Clock* own_clock() const override { return &clock_; }
   [[nodiscard]] Provenance provenance() const override { return Provenance::kCounted; }
@@ -180,7 +180,7 @@ class DspBackend : public Backend {
     }
   }
   [[nodiscard]] Support supports(const Workload& workload) const override {
-    return support_of(workload);
+    return dsp_support(workload);
   }
   [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest& request) const override {
     bind_to_cores(request.cores, request.unit);

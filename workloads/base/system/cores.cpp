@@ -79,7 +79,7 @@ Kinds kinds_of(std::span<const int> usable, const std::filesystem::path& root) {
 }  // namespace
 
 std::vector<int> parse_core_list(std::string_view list) {
-  constexpr int kMostCores = 65536;
+  constexpr int kMost = 65536;
   std::vector<int> cores;
   std::istringstream parts{std::string(list)};
   for (std::string part; std::getline(parts, part, ',');) {
@@ -89,7 +89,7 @@ std::vector<int> parse_core_list(std::string_view list) {
     if (failed != std::errc() || first < 0) continue;
     int last = first;
     if (at != end && *at == '-') std::from_chars(at + 1, end, last);
-    for (int core = first; core <= std::min(last, kMostCores); ++core) cores.push_back(core);
+    for (int core = first; core <= std::min(last, kMost); ++core) cores.push_back(core);
   }
   return cores;
 }
