@@ -23,9 +23,10 @@ say() { printf '== %s\n' "$*"; }
 
 # install_packages NAME...: installs those that are missing; says so if it cannot.
 install_packages() {
-  local missing=() package
-  for package in "$@"; do
-    if [[ $(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null) != installed ]]; then
+  local missing=() package machine
+  machine=$(dpkg --print-architecture 2>/dev/null) || true
+  for package in "$@"; do  # which may be there for another architecture as well
+    if ! grep -qxE "(all|$machine) installed" <<<"$(dpkg-query -W -f='${Architecture} ${db:Status-Status}\n' "$package" 2>/dev/null)"; then
       missing+=("$package")
     fi
   done

@@ -16,6 +16,11 @@ cmake --build --preset package
 for each in build-package/libpirt1_*.deb; do
   dpkg-deb -f "$each" Depends | grep libopencv || { echo "packages.sh: $each does not say what it is linked with" >&2; exit 1; }
 done
+say "a copied build has its own library"
+copy=$(mktemp -d)
+cp build-package/pirt build-package/libpirt.so.1 "$copy"
+ldd "$copy/pirt" | grep -F "$copy/libpirt.so.1" || { echo "packages.sh: a copy runs with the library of the original" >&2; exit 1; }
+rm -r "$copy"
 say "lintian"
 lintian --allow-root --fail-on error build-package/*.deb
 
@@ -32,6 +37,16 @@ in_root 'pirt --version
   grep libpirt.so.1 /tmp/libraries
   rm /tmp/libraries
   for each in g++ gcc clang cmake; do if command -v "$each"; then echo "packages.sh: pirt brings $each" >&2; exit 1; fi; done'
+
+say "a run is gone on with by the library that began it"
+in_root 'pirt characterize --quick --platform fake --filter "^fc8$" --max-time 1ns --db /tmp/p.db >/tmp/said 2>&1 || true
+  library=$(realpath /usr/lib/*/libpirt.so.1)
+  echo >>"$library"
+  code=0
+  pirt characterize --resume --max-time 1min --db /tmp/p.db >/tmp/said 2>&1 || code=$?
+  truncate -s -1 "$library"
+  if [[ $code -ne 2 ]] || ! grep -q "another program" /tmp/said; then echo "packages.sh: another library goes on: $code, $(cat /tmp/said)" >&2; exit 1; fi
+  rm /tmp/p.db /tmp/said'
 
 say "its manual, and completion"
 install_there 'man-db bash-completion'

@@ -9,7 +9,7 @@ fi
 leave_root() { for each in data dev/shm proc sys; do if mountpoint -q "$root/$each"; then umount "$root/$each"; fi; done; }
 trap leave_root EXIT
 
-# make_root RELEASE: with its package lists.
+# make_root RELEASE: with its package lists; one that was interrupted has no file `made`.
 make_root() {
   say "a fresh root: $1"
   leave_root
@@ -23,7 +23,7 @@ deb http://deb.debian.org/debian-security $1-security main
 LINES
   mkdir "$root/tmp/home"
   enter_root
-  in_root 'apt-get update -qq'
+  in_root 'apt-get update -qq; touch /made'
 }
 
 # enter_root: makes what programs expect there, until the caller ends.

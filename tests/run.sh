@@ -48,6 +48,13 @@ find_versions() {
   versions=${known_versions[$*]}
 }
 
+# functions_of NAME...: the text of these functions and of all that they call.
+functions_of() {
+  local called
+  mapfile -t called < <(declare -F | cut -d ' ' -f 3 | grep -xFf <(declare -f "$@" | grep -oE '\w+'))
+  if [[ ${called[*]} == "$*" ]]; then declare -f "$@"; else functions_of "${called[@]}"; fi
+}
+
 # find_fingerprint STAGE: sets `fingerprint`, of all that it compiles and reads; empty where that is not known: these sources are not git's.
 find_fingerprint() {
   local paths packages versions
@@ -59,11 +66,12 @@ find_fingerprint() {
   fingerprint=$({
     git ls-files -z --cached --others --exclude-standard --deduplicate -- "${paths[@]}" | sort -z | xargs -0 sha256sum 2>/dev/null || true
     printf '%s\n' "${command[$1]}" "$versions" "${CXX:-}" "${CXXFLAGS:-}" "${LDFLAGS:-}"
-    declare -f build_pirt run_tests run_left "${command[$1]%% *}" || true
+    functions_of build_pirt run_tests run_left "${command[$1]%% *}"
     "${CXX:-c++}" --version 2>/dev/null || true
     uname -m
     grep -m 1 '^model name' /proc/cpuinfo || true
     find "${PIRT_DATA:-../shared/data}" -printf '%P %s\n' 2>/dev/null | sort || true
+    find ../shared/cases -type f -print0 2>/dev/null | sort -z | xargs -0r sha256sum || true
   } | sha256sum | cut -c -64)
 }
 

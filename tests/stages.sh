@@ -6,7 +6,7 @@
 base="${PIRT_PACKAGES[*]} ${PIRT_TEST_PACKAGES[*]} ${PIRT_DSP_PACKAGES[*]} ${PIRT_NATS_PACKAGES[*]} ${PIRT_BAG_PACKAGES[*]} ${PIRT_FPGA_PACKAGES[*]}"
 all='. :!tests/run.sh :!tests/stages.sh :!cli/demo.sh :!tests/bench/README.md'
 # What the tests of a folder compile: it, and those that it may include.
-common='CMakeLists.txt CMakePresets.json README.md tests/CMakeLists.txt tests/*.cmake tests/support'
+common='CMakeLists.txt CMakePresets.json README.md tests/CMakeLists.txt tests/*.cmake tests/support tests/examples/module'
 declare -A code
 code[workloads]="$common workloads tests/workloads"
 code[characterize]="${code[workloads]} characterize tests/characterize"
@@ -36,8 +36,8 @@ stage mcap "$all" "$base" "npm's readers of MCAP and Foxglove's schemas on what 
 stage subdirectory "$all" "$base" "pirt as a part of another project" long_test subdirectory
 stage systems "$all" "$base jq sqlite3 locales" "launchers, containers, boards: cases that lie beside the project" check_systems
 stage packages "$all" "$base ${PIRT_PACKAGING[*]} debootstrap lintian" "packages of Debian, installed, used and removed in a fresh root" check_packages
-stage unity-build "$all" "${PIRT_PACKAGES[*]}" "what cli/demo.sh builds, whose rooms are one source each, without a warning" build_united
-stage unity-tests "$all" "$base" "the tests of a build whose rooms are one source each, as who builds once has it" unity
+stage unity-build "$all" "${PIRT_PACKAGES[*]}" "what cli/demo.sh builds, whose sources are joined, without a warning" build_united
+stage unity-tests "$all" "$base" "the tests of a build whose sources are joined, as who builds once has it" unity
 stage trixie-build "$all" "git debootstrap" "Debian 13 builds it, with g++ 14 and clang 19, without a warning" on_trixie build
 stage trixie-tests "$all" "git debootstrap" "every test on Debian 13" on_trixie tests
 stage noisy "$all" "$base" "the demo's steps beside two busy loops a core: four modes and an answer" beside_loops noisy
@@ -165,19 +165,18 @@ beside_loops() {
     tests/noisy.sh build/pirt
     return
   fi
-  local loops=() code=0 i
+  local i
+  loops=()
+  trap 'kill "${loops[@]}" 2>/dev/null' EXIT  # of the stage's own shell, however it ends
   for ((i = 0; i < 2 * $(nproc); ++i)); do
     (while :; do :; done) &
     loops+=($!)
   done
   if [[ $1 == suite ]]; then
-    run_tests build --timeout 1500 || code=$?
+    run_tests build --timeout 1500
   else
-    run_tests build --timeout 1500 --repeat until-fail:50 -R '^(scheduler\.(Runtime|Live|Leave|Handover|Engine|Spin)|cli\.(Cloud|Live|Worker))' || code=$?
+    run_tests build --timeout 1500 --repeat until-fail:50 -R '^(scheduler\.(Runtime|Live|Leave|Handover|Engine|Spin)|cli\.(Cloud|Live|Worker))'
   fi
-  kill "${loops[@]}"
-  wait "${loops[@]}" 2>/dev/null || true
-  return "$code"
 }
 
 # Hardly optimized: what the optimizer sees, the tests' build shows.

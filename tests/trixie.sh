@@ -10,7 +10,7 @@ root=build-trixie/root
 source tests/root.sh
 [[ ${1:-} == build || ${1:-} == tests ]] || { sed -n '4,5s/^# //p' "$0" >&2; exit 2; }
 
-if [[ $(cat "$root/etc/debian_version" 2>/dev/null) != 13* ]]; then make_root trixie; fi
+if [[ ! -f $root/made ]]; then make_root trixie; fi
 enter_root
 # The sources as they are; what was built there stays.
 mkdir -p "$root/pirt"

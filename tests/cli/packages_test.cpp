@@ -42,6 +42,18 @@ TEST(Packages, CountTheMemoryThatControlGroupsLeave) {
   EXPECT_EQ(free_kb(), "1000\n");
 }
 
+TEST(Packages, AreInstalledIfThoseOfThisArchitectureAre) {
+  const auto answer = [](const std::string& states) {
+    return said(
+        "states=$1; dpkg() { echo arm64; }; dpkg-query() { printf %s \"$states\"; }; "
+        "apt-get() { :; }; env() { :; }; sudo() { :; }; install_packages one",
+        states);
+  };
+  EXPECT_EQ(answer("amd64 installed\narm64 installed\n"), "== packages: all 1 installed\n");
+  EXPECT_EQ(answer("all installed\n"), "== packages: all 1 installed\n");
+  EXPECT_EQ(answer("amd64 installed\narm64 config-files\n"), "== packages: installing one\n");
+}
+
 TEST(Packages, BuildAllTargetsThatAreNamed) {
   EXPECT_THAT(said("cmake() { printf \"<%s>\" \"$@\"; }; "
                    "PIRT_TARGET=\"pirt pirt_manual\" build_pirt folder"),
