@@ -1,13 +1,9 @@
 // The cloud's queue over a real nats-server on loopback: how many tasks a second, how long each
 // takes, where it saturates; and what a task costs beside the same messages by hand.
 //
-// Usage: cloud scale [SECONDS]      default 20, for each of 1, 2, 4 workers and 1 to 64 robots:
-// five
-//                                   minutes, and a table for README.md
+// Usage: cloud scale [SECONDS]      default 20, for each of 1, 2, 4 workers and 1 to 64 robots
 //        cloud overhead [TASKS]     default 500
-//        cloud greedy [SECONDS]     default 10: 15 robots at an even rate, alone and beside one
-//        that
-//                                   always has a hundred tasks waiting
+//        cloud greedy [SECONDS]     default 10: 15 robots, alone and beside a greedy one
 //        cloud memory [TASKS]       default 100000: a worker's memory over so many
 //        cloud hedge [TASKS]        default 2000: two workers, of which one stalls 3 % of its calls
 // A worker has one slot and sleeps 10 ms for a task, so that two cores do not measure themselves.
@@ -18,7 +14,6 @@
 #include <algorithm>
 #include <condition_variable>
 #include <cstdlib>
-#include <fstream>
 #include <mutex>
 #include <string_view>
 #include <thread>
@@ -47,19 +42,9 @@ double quantile(std::vector<double>& values, double q) {
   return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1))];
 }
 
-/// In MB. @param process  Its id, or "self".
-double resident_mb(const std::string& process) {
-  std::ifstream statm("/proc/" + process + "/statm");
-  std::uint64_t total = 0, resident = 0;
-  statm >> total >> resident;
-  return static_cast<double>(resident) * 4096e-6;
-}
-
 void start(test::NatsServer& server, const Setup& setup) {
   if (!server.start()) throw std::runtime_error("nats-server does not start: " + server.log());
-  Connection admin({.server = server.url()}, {});
-  if (!admin.wait_until_up(kLong)) throw std::runtime_error("no connection");
-  set_up(admin, setup);
+  administer({.server = server.url()}, setup);
 }
 
 RobotOptions robot_options(const std::string& url, const std::string& name) {
@@ -167,7 +152,7 @@ void measure_fleet(int workers, int robots, double seconds) {
       "| {} | {} | {:.0f} | {:.0f} | {:.1f} | {:.1f} | {:.1f} to {:.1f} | {:.0f} | {:.0f} |\n",
       workers, robots, rate, 100 * busy, quantile(took, 0.5), quantile(took, 0.99),
       static_cast<double>(least) / passed.count(), static_cast<double>(most) / passed.count(),
-      resident_mb("self"), resident_mb(std::to_string(server.process())));
+      test::resident_mb("self"), test::resident_mb(std::to_string(server.process())));
   std::fflush(stdout);
 }
 
@@ -375,9 +360,9 @@ bool memory(int tasks) {
   double first = 0, last = 0;
   for (int i = 0; i < tasks; ++i) {
     call_and_wait(robot, task);
-    if (i == tasks / 10) first = resident_mb("self");
+    if (i == tasks / 10) first = test::resident_mb("self");
   }
-  last = resident_mb("self");
+  last = test::resident_mb("self");
   fmt::print("robot and worker: {:.1f} MB after {} tasks, {:.1f} after {}\n", first, tasks / 10,
              last, tasks);
   return last < first + 2;

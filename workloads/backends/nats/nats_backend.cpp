@@ -245,8 +245,7 @@ class CloudKernel : public Kernel {
     if (!flight_->end || flight_->end->problem.empty()) return;
     const std::string problem = flight_->end->problem;
     lock.unlock();
-    flight_->begin({});
-    remove_blobs();
+    withdraw();
     throw_environment(problem);
   }
 

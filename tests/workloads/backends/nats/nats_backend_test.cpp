@@ -7,7 +7,6 @@
 #include <algorithm>
 
 #include "tests/workloads/backends/nats/nats_server.h"
-#include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/model/remote.h"
 
@@ -16,17 +15,6 @@ namespace {
 
 using namespace std::chrono_literals;
 using ::testing::HasSubstr;
-constexpr Nanos kLong = 30s;
-
-template <typename Call>
-std::string error_of(const Call& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "no error";
-}
 
 TEST(CloudUnit, HasNoStatefulWorkloads) {
   const auto backend = make_nats_backend();
@@ -57,16 +45,10 @@ class CloudUnitOnAServer : public ::testing::Test {
   }
   void start_server() {
     ASSERT_TRUE(server_.start()) << server_.log();
-    Connection admin({.server = server_.url()}, {});
-    ASSERT_TRUE(admin.wait_until_up(kLong));
-    set_up(admin, {.robots = {"robot"}});
+    administer({.server = server_.url()}, {});
   }
   void start_worker() {
-    WorkerOptions options;
-    options.connection.server = server_.url();
-    options.hello = 300ms;
-    options.make_computer = make_adding_computer;
-    worker_ = std::make_unique<WorkerLink>(options, known_);
+    worker_ = std::make_unique<WorkerLink>(worker_options(server_.url()), known_);
   }
   /// Once its server and its worker are heard of.
   std::unique_ptr<Device> open_within_reach(double patience_s = 30) {

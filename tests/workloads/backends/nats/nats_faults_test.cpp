@@ -1,7 +1,5 @@
 // Tasks under seeded faults over loopback: what was submitted ends exactly once.
 #include <gtest/gtest.h>
-#include <signal.h>
-#include <sys/wait.h>
 
 #include <random>
 #include <thread>
@@ -28,21 +26,11 @@ class Faults {
 
   void run(int faults) {
     ASSERT_TRUE(server_.start()) << server_.log();
-    {
-      Connection admin({.server = server_.url()}, {});
-      ASSERT_TRUE(admin.wait_until_up(kLong));
-      set_up(admin, {.robots = {"robot", "other"}});
-    }
+    administer({.server = server_.url()}, {.robots = {"robot", "other"}});
     robot_wire_ = std::make_unique<Wire>(server_.port());
     worker_wire_ = std::make_unique<Wire>(server_.port());
     for (pid_t& each : workers_) each = start_worker_process(worker_wire_->url(), 2);
-    RobotOptions options;
-    options.connection.server = robot_wire_->url();
-    options.connection.reconnect_wait = 50ms;
-    options.limits.confirm = 1s;
-    options.limits.silence = 3s;
-    options.limits.worker = 2s;
-    RobotLink robot(options);
+    RobotLink robot(robot_options(robot_wire_->url()));
     ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
     std::atomic<bool> over = false;
     std::jthread large([&] { call_large(over); });
@@ -56,16 +44,11 @@ class Faults {
     large.join();
     EXPECT_EQ(robot.counts().submitted, static_cast<std::int64_t>(expected_.size()));
     check();
-    for (pid_t& each : workers_) end(each);
+    for (pid_t& each : workers_) end_process(each);
   }
 
  private:
   Nanos pause(unsigned most_ms) { return std::chrono::milliseconds(random_() % most_ms); }
-
-  static void end(pid_t& worker) {
-    ::kill(worker, SIGKILL);
-    ::waitpid(worker, nullptr, 0);
-  }
 
   void submit(RobotLink& robot) {
     auto expected = std::make_shared<Expected>();
@@ -108,7 +91,7 @@ class Faults {
         break;
       case 1: {
         pid_t& worker = workers_[random_() % workers_.size()];
-        end(worker);
+        end_process(worker);
         std::this_thread::sleep_for(pause(300));
         worker = start_worker_process(worker_wire_->url(), 2);
         break;

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <thread>
 
+#include "tests/workloads/backends/nats/hostile.h"
 #include "tests/workloads/backends/nats/nats_server.h"
 #include "workloads/backends/nats/link/blobs.h"
 #include "workloads/backends/nats/service/computer.h"
@@ -56,14 +57,6 @@ constexpr bool kSanitized = true;
 #else
 constexpr bool kSanitized = false;
 #endif
-
-/// In MB. @param process  Its id, or "self".
-double resident_mb(const std::string& process) {
-  std::ifstream statm("/proc/" + process + "/statm");
-  std::uint64_t total = 0, resident = 0;
-  statm >> total >> resident;
-  return static_cast<double>(resident) * 4096e-6;
-}
 
 /// By hand: it says what it likes.
 class HostileRobot {
@@ -139,26 +132,15 @@ class HostileRobot {
   Connection connection_;
 };
 
-/// A vision workload of the catalog in another size.
-Workload entry_in(const std::string& name, int width, int height) {
-  for (const vision::Entry& entry : vision::entries()) {
-    if (entry.make(entry.width, entry.height).name == name) return entry.make(width, height);
-  }
-  throw std::runtime_error("no " + name);
-}
-
 class CloudHostile : public ::testing::Test {
  protected:
   void SetUp() override {
     if (nats_server_program().empty()) GTEST_SKIP() << "skipped: nats-server is not installed";
     ASSERT_TRUE(server_.start()) << server_.log();
-    Connection admin({.server = server_.url()}, {});
-    ASSERT_TRUE(admin.wait_until_up(kLong));
-    set_up(admin, {.robots = {"honest", "hostile"}, .robot_bytes = std::uint64_t{1} << 30});
+    administer({.server = server_.url()},
+               {.robots = {"honest", "hostile"}, .robot_bytes = std::uint64_t{1} << 30});
     ::setenv("PIRT_TEST_DEVICE_SLOT", "1", 1);
-    WorkerOptions options;
-    options.connection.server = server_.url();
-    options.hello = 300ms;
+    WorkerOptions options = worker_options(server_.url());
     options.make_computer = [] {
       return make_process_computer({.program = "/proc/self/exe",
                                     .arguments = {"--gtest_filter=CloudProcess.IsADeviceSlot"},
@@ -193,7 +175,6 @@ class CloudHostile : public ::testing::Test {
   }
   /// Of the worker's slot, the youngest child of this process but for the server.
   [[nodiscard]] double slot_mb() const {
-    std::ifstream children("/proc/self/task/" + std::to_string(::getpid()) + "/children");
     double most = 0;
     for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
       std::ifstream list(task.path() / "children");
@@ -360,14 +341,14 @@ TEST_F(CloudHostile, FillsNoMemoryWithKernels) {
   double most = 0;
   const double before = slot_mb();
   for (int i = 0; i < 8; ++i) {
-    const Workload flow = entry_in("optical_flow", 2048, 2048 - 16 * i);
+    const Workload flow = find_workload("optical_flow").at_size(2048, 2048 - 16 * i);
     TaskMessage task = HostileRobot::task_of(flow);
     task.inputs.blob = robot_->put("in", robot_->next_task(), zeros(flow.inputs));
     EXPECT_EQ(robot_->ask(task).kind, ReplyKind::kDone);
     most = std::max(most, slot_mb());
   }
   EXPECT_LT(most, before + (kSanitized ? 3000 : 300)) << "one call's, and 64 MB";
-  const Workload huge = entry_in("optical_flow", 8192, 8192);
+  const Workload huge = find_workload("optical_flow").at_size(8192, 8192);
   const ReplyMessage reply = robot_->ask(HostileRobot::task_of(huge));
   EXPECT_EQ(reply.kind, ReplyKind::kRefused);
   EXPECT_THAT(reply.problem, HasSubstr("MB of tensors, and may have 512 here"));
@@ -484,36 +465,19 @@ TEST_F(CloudHostile, StopsNothingWithTenThousandMutatedMessages) {
   TaskMessage task = HostileRobot::task_of(avoid);
   task.inputs.bytes = zeros(avoid.inputs);
   EXPECT_NE(robot_->ask(task).problem, "");
-  Random random(3);
-  const std::vector<std::pair<std::string, Bytes>> good = {
-      {task_subject("hostile", robot_->worker()), encode(task)},
-      {"pirt.offer.hostile", encode(OfferMessage{1, 1})},
-      {"pirt.cancel.hostile", encode(CancelMessage{{1, 1}})},
-      {task_subject("hostile", robot_->worker()), encode(OfferMessage{1, 0})}};
+  std::vector<std::pair<std::string, Hostile>> all;
+  for (const auto& [to, good] :
+       {std::pair(task_subject("hostile", robot_->worker()), encode(task)),
+        std::pair(std::string("pirt.offer.hostile"), encode(OfferMessage{1, 1})),
+        std::pair(std::string("pirt.cancel.hostile"), encode(CancelMessage{{1, 1}})),
+        std::pair(task_subject("hostile", robot_->worker()), encode(OfferMessage{1, 0}))}) {
+    all.emplace_back(to, Hostile(all.size(), good, std::min<std::size_t>(good.size(), 200)));
+  }
   const WorkerCounts before = worker_->counts();
-  for (int i = 0; i < 10'000; ++i) {
-    auto [to, bytes] = good[random.below(good.size())];
-    switch (random.below(4)) {
-      case 0:
-        bytes.resize(random.below(bytes.size()));
-        break;
-      case 1:
-        bytes.insert(bytes.end(), 1 + random.below(500), std::byte{0x41});
-        break;
-      default:
-        for (std::uint64_t k = 0; k <= random.below(6); ++k) {
-          bytes[random.below(std::min<std::size_t>(bytes.size(), 200))] ^=
-              static_cast<std::byte>(1 + random.below(255));
-        }
-    }
-    if (random.below(2) == 0 && bytes.size() > 24) {  // With the length and the sum that fit.
-      const std::uint64_t length = bytes.size() - 24;
-      std::memcpy(bytes.data() + 8, &length, sizeof length);
-      const Digest digest = digest_of(ByteView(bytes).subspan(24));
-      std::memcpy(bytes.data() + 16, digest.bytes.data(), 8);
-    }
+  for (std::size_t i = 0; i < 10'000; ++i) {
+    auto& [to, messages] = all[i % all.size()];
     if (i % 100 == 0) robot_->offer(1, 1);  // So that some are asked for.
-    robot_->connection().publish(to, bytes);
+    robot_->connection().publish(to, messages.next());
   }
   EXPECT_TRUE(eventually([&] { return worker_->counts().malformed > before.malformed + 5000; }))
       << worker_->counts().malformed;

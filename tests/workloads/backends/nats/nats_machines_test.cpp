@@ -1,4 +1,5 @@
 // The caller's and the worker's state machines: exact sequences, and what holds whatever fails.
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -22,23 +23,24 @@ constexpr TaskId kTask{1, 1};
 constexpr std::uint64_t kWorker = 7, kOther = 8;
 
 /// Writes down what is to be done.
-class CloudCaller : public ::testing::Test, public CallerEvents {
+class CloudCaller : public ::testing::Test {
  protected:
-  void offer(std::uint32_t waiting) override { says("offer " + std::to_string(waiting)); }
-  void give(Submission& task, std::uint64_t worker) override {
-    last_ = task.task;
-    says("give " + std::to_string(last_.task.number) + " to " + std::to_string(worker) + ", send " +
-         std::to_string(last_.send));
+  Caller make_caller(const CallerLimits& limits) {
+    return Caller(
+        "r", 1, limits, [this](const std::string& to, const Bytes& message) { hears(to, message); },
+        [](const auto& what) { what(); });
   }
-  void give_nothing(std::uint64_t worker) override {
-    says("nothing for " + std::to_string(worker));
+  void hears(const std::string& to, const Bytes& message) {
+    const std::string last = to.substr(to.rfind('.') + 1);
+    if (const auto task = decode_as<TaskMessage>(message).value) {
+      last_ = *task;
+      says(fmt::format("give {} to {}, send {}", task->task.number, last, task->send));
+    } else if (const auto offer = decode_as<OfferMessage>(message).value) {
+      says(last == "r" ? fmt::format("offer {}", offer->waiting) : "nothing for " + last);
+    } else {
+      says("withdraw");
+    }
   }
-  void taken(const Submission&) override {}
-  void withdraw(const TaskId&) override { says("withdraw"); }
-  void tell(std::function<void()> what) override {
-    if (what) what();
-  }
-
   void says(std::string what) { said_.push_back(std::move(what)); }
   /// Since it was asked last.
   std::vector<std::string> said() { return std::exchange(said_, {}); }
@@ -58,6 +60,12 @@ class CloudCaller : public ::testing::Test, public CallerEvents {
   }
   void submit(Nanos now = Nanos(0), std::optional<Nanos> time_left = {}) {
     caller_.submit(submission(time_left), now);
+  }
+  /// To the worker that is there.
+  void submit_and_give() {
+    connect();
+    submit();
+    caller_.claimed(kWorker, Nanos(0));
   }
   void reply(ReplyKind kind, std::uint32_t send, Nanos now) {
     caller_.replied({.task = kTask, .send = send, .kind = kind, .worker = "w", .problem = "boom"},
@@ -79,7 +87,7 @@ class CloudCaller : public ::testing::Test, public CallerEvents {
   TaskMessage last_;
   std::uint32_t send_ = 0;
   CallerLimits limits_;
-  Caller caller_{*this, CallerLimits{}, 1};
+  Caller caller_ = make_caller({});
 };
 
 TEST_F(CloudCaller, GivesATaskToWhoClaimsIt) {
@@ -98,9 +106,7 @@ TEST_F(CloudCaller, GivesATaskToWhoClaimsIt) {
 }
 
 TEST_F(CloudCaller, TellsAnEndOnceHoweverOftenTheReplyComes) {
-  connect();
-  submit();
-  caller_.claimed(kWorker, Nanos(0));
+  submit_and_give();
   reply(ReplyKind::kDone, 1, seconds(1));
   said();
   reply(ReplyKind::kDone, 1, seconds(2));
@@ -120,9 +126,7 @@ TEST_F(CloudCaller, OffersAgainWhileATaskWaits) {
 }
 
 TEST_F(CloudCaller, TakesATaskBackThatNobodyConfirmedAndCountsNoTry) {
-  connect();
-  submit();
-  caller_.claimed(kWorker, Nanos(0));
+  submit_and_give();
   said();
   EXPECT_EQ(caller_.next_wake(), seconds(3));
   caller_.wake(seconds(3));
@@ -135,9 +139,7 @@ TEST_F(CloudCaller, TakesATaskBackThatNobodyConfirmedAndCountsNoTry) {
 }
 
 TEST_F(CloudCaller, GivesATaskUpAfterThreeFailedTriesAndSaysWhoseAndWhy) {
-  connect();
-  submit();
-  caller_.claimed(kWorker, Nanos(0));
+  submit_and_give();
   send_ = 1;
   Nanos now{0};
   for (std::uint32_t send = 1; send <= 3; ++send) {
@@ -150,9 +152,7 @@ TEST_F(CloudCaller, GivesATaskUpAfterThreeFailedTriesAndSaysWhoseAndWhy) {
 }
 
 TEST_F(CloudCaller, WaitingForParametersOrRoomIsNoTryButEnds) {
-  connect();
-  submit();
-  caller_.claimed(kWorker, Nanos(0));
+  submit_and_give();
   reply(ReplyKind::kMissing, 1, Nanos(0));
   EXPECT_EQ(said().back(), "missing");
   EXPECT_EQ(caller_.next_wake(), Nanos::max()) << "until they are there";
@@ -171,10 +171,8 @@ TEST_F(CloudCaller, WaitingForParametersOrRoomIsNoTryButEnds) {
 }
 
 TEST_F(CloudCaller, AWorkerThatDiesWithATaskIsATryAndALostReplyIsNone) {
-  connect();
-  submit();
+  submit_and_give();
   Nanos now{0};
-  caller_.claimed(kWorker, now);
   for (int death = 1; death <= 3; ++death) {
     reply(ReplyKind::kRunning, last_.send, now);
     send_ = last_.send;
@@ -200,9 +198,7 @@ TEST_F(CloudCaller, AWorkerThatDiesWithATaskIsATryAndALostReplyIsNone) {
 }
 
 TEST_F(CloudCaller, AWorkerThatSaysThatItComputesHasAsLongAsItTakes) {
-  connect();
-  submit();
-  caller_.claimed(kWorker, Nanos(0));
+  submit_and_give();
   said();
   for (int s = 1; s < 3600; ++s) {
     reply(ReplyKind::kRunning, 1, seconds(s));
@@ -212,9 +208,7 @@ TEST_F(CloudCaller, AWorkerThatSaysThatItComputesHasAsLongAsItTakes) {
 }
 
 TEST_F(CloudCaller, LostLinksAreNoTries) {
-  connect();
-  submit();
-  caller_.claimed(kWorker, Nanos(0));
+  submit_and_give();
   reply(ReplyKind::kRunning, 1, Nanos(0));
   for (int i = 1; i <= 10; ++i) {
     caller_.link_down();
@@ -228,9 +222,7 @@ TEST_F(CloudCaller, LostLinksAreNoTries) {
 }
 
 TEST_F(CloudCaller, AsksAgainSoonWhereAnAnswerWasLostWithTheLink) {
-  connect();
-  submit();
-  caller_.claimed(kWorker, Nanos(0));
+  submit_and_give();
   reply(ReplyKind::kRunning, 1, Nanos(0));
   caller_.link_down();
   caller_.link_up(seconds(5));
@@ -255,9 +247,7 @@ TEST_F(CloudCaller, SaysWhatRemainsOfATasksTime) {
 }
 
 TEST_F(CloudCaller, WithdrawsWhatIsCancelled) {
-  connect();
-  submit();
-  caller_.claimed(kWorker, Nanos(0));
+  submit_and_give();
   said();
   caller_.cancel(kTask);
   EXPECT_THAT(said(), ElementsAre("withdraw", "cancelled"));
@@ -281,14 +271,7 @@ TEST_F(CloudCaller, IsDownWithoutALinkAndWithoutAWorker) {
 
 class CloudHedges : public CloudCaller {
  protected:
-  CloudHedges() { limits_.hedge_after = milliseconds(20); }
-  Caller hedging_{*this,
-                  [] {
-                    CallerLimits limits;
-                    limits.hedge_after = milliseconds(20);
-                    return limits;
-                  }(),
-                  1};
+  Caller hedging_ = make_caller({.hedge_after = milliseconds(20)});
 };
 
 TEST_F(CloudHedges, AskASecondWorkerAndCancelTheLoser) {
@@ -327,9 +310,7 @@ TEST_F(CloudHedges, ARefusalIsNoEndWhileAnotherComputes) {
 
 // Calls that were hedged are as long as they were: without them the 95th of 100 falls and falls.
 TEST_F(CloudHedges, AfterTheP95StayFew) {
-  CallerLimits limits;
-  limits.hedge_p95 = true;
-  Caller caller(*this, limits, 1);
+  Caller caller = make_caller({.hedge_p95 = true});
   caller.link_up(Nanos(0));
   std::minstd_rand random(1);
   const auto takes = [&] { return milliseconds(1 + random() % 100); };
@@ -360,7 +341,21 @@ class CloudDesk : public ::testing::Test {
     const auto claim = desk_.claim(now);
     return claim ? claim->robot : "";
   }
+  /// A call of whoever is asked now.
+  Desk::Claim serve(const std::function<Nanos(const std::string& robot)>& takes,
+                    const std::string& fails = "nobody", Nanos until_given = Nanos(0)) {
+    Desk::Claim claim = desk_.claim(now_).value();
+    now_ += until_given;
+    EXPECT_TRUE(desk_.take(claim.robot, claim.run, 100, now_));
+    const Nanos time = takes(claim.robot);
+    now_ += time;
+    desk_.finished(claim.robot, time, claim.robot == fails, now_);
+    return claim;
+  }
+  static Nanos tenth(const std::string&) { return milliseconds(100); }
+
   Desk desk_{DeskLimits{.slots = 1}};
+  Nanos now_{0};
 };
 
 TEST_F(CloudDesk, AsksForAsManyTasksAsSlotsAreFree) {
@@ -378,19 +373,16 @@ TEST_F(CloudDesk, AsksForAsManyTasksAsSlotsAreFree) {
 
 TEST_F(CloudDesk, GivesEachRobotItsShareOfTheTime) {
   std::map<std::string, Nanos> used;
-  Nanos now{0};
-  desk_.offered("greedy", 1, 1'000'000, now);
+  // The greedy one's calls take ten times as long.
+  const auto takes = [&](const std::string& robot) {
+    const Nanos time = milliseconds(robot == "greedy" ? 100 : 10);
+    used[robot] += time;
+    return time;
+  };
   for (int i = 0; i < 400; ++i) {
-    for (const char* robot : {"b", "c", "d"}) desk_.offered(robot, 1, 2, now);
-    desk_.offered("greedy", 1, 1'000'000, now);
-    const auto claim = desk_.claim(now);
-    ASSERT_TRUE(claim);
-    ASSERT_TRUE(desk_.take(claim->robot, claim->run, 1, now));
-    // The greedy one's calls take ten times as long.
-    const Nanos takes = milliseconds(claim->robot == "greedy" ? 100 : 10);
-    now += takes;
-    used[claim->robot] += takes;
-    desk_.finished(claim->robot, takes, false, now);
+    for (const char* robot : {"b", "c", "d"}) desk_.offered(robot, 1, 2, now_);
+    desk_.offered("greedy", 1, 1'000'000, now_);
+    serve(takes);
   }
   for (const char* robot : {"b", "c", "d"}) {
     EXPECT_NEAR(to_ms(used[robot]), to_ms(used["greedy"]), 101) << robot;
@@ -398,56 +390,34 @@ TEST_F(CloudDesk, GivesEachRobotItsShareOfTheTime) {
 }
 
 TEST_F(CloudDesk, NobodySavesUpTime) {
-  Nanos now{0};
-  const auto serve = [&](int calls) {
-    std::map<std::string, int> served;
-    for (int i = 0; i < calls; ++i) {
-      const auto claim = desk_.claim(now);
-      if (!claim) break;
-      static_cast<void>(desk_.take(claim->robot, claim->run, 100, now));
-      now += milliseconds(100);
-      desk_.finished(claim->robot, milliseconds(100), false, now);
-      ++served[claim->robot];
-    }
-    return served;
-  };
-  desk_.offered("a", 1, 100, now);
-  serve(100);
-  desk_.offered("late", 1, 100, now);
-  auto served = serve(10);
+  desk_.offered("a", 1, 100, now_);
+  for (int i = 0; i < 100; ++i) serve(tenth);
+  desk_.offered("late", 1, 100, now_);
+  std::map<std::string, int> served;
+  for (int i = 0; i < 10; ++i) ++served[serve(tenth).robot];
   EXPECT_NEAR(served["a"], 5, 1);
 }
 
 TEST_F(CloudDesk, ACallThatEndsItsProcessCostsItsRobotTenTimes) {
-  Nanos now{0};
   std::map<std::string, int> served;
   for (int i = 0; i < 110; ++i) {
-    for (const char* robot : {"bad", "good"}) desk_.offered(robot, 1, 9, now);
-    const auto claim = desk_.claim(now);
-    ASSERT_TRUE(claim);
-    ASSERT_TRUE(desk_.take(claim->robot, claim->run, 8, now));
-    now += milliseconds(100);
-    desk_.finished(claim->robot, milliseconds(100), claim->robot == "bad", now);
-    ++served[claim->robot];
+    for (const char* robot : {"bad", "good"}) desk_.offered(robot, 1, 9, now_);
+    ++served[serve(tenth, "bad").robot];
   }
   EXPECT_NEAR(served["bad"], 10, 1);
 }
 
 // Tasks that are refused at once take no time, and their claims do.
 TEST_F(CloudDesk, AClaimThatIsAnsweredIsItsRobotsTime) {
-  Nanos now{0};
   std::map<std::string, Nanos> held;
+  const auto takes = [](const std::string& robot) {
+    return milliseconds(robot == "honest" ? 10 : 0);
+  };
   for (int i = 0; i < 400; ++i) {
-    for (const char* robot : {"quick", "honest"}) desk_.offered(robot, 1, 9, now);
-    const auto claim = desk_.claim(now);
-    ASSERT_TRUE(claim);
-    const Nanos begin = now;
-    now += milliseconds(1);
-    ASSERT_TRUE(desk_.take(claim->robot, 1, 8, now));
-    const Nanos takes = milliseconds(claim->robot == "honest" ? 10 : 0);
-    now += takes;
-    desk_.finished(claim->robot, takes, false, now);
-    held[claim->robot] += now - begin;
+    for (const char* robot : {"quick", "honest"}) desk_.offered(robot, 1, 9, now_);
+    const Nanos begin = now_;
+    const std::string robot = serve(takes, "nobody", milliseconds(1)).robot;
+    held[robot] += now_ - begin;
   }
   EXPECT_NEAR(to_ms(held["quick"]), to_ms(held["honest"]), 15);
 }
@@ -490,15 +460,9 @@ TEST_F(CloudDesk, ALateTaskIsTakenOnceWhereASlotIsFree) {
 // As two robots that both have the default's name.
 TEST_F(CloudDesk, AsksTheRunsOfARobotInTurns) {
   std::map<std::uint64_t, int> served;
-  Nanos now{0};
   for (int i = 0; i < 10; ++i) {
-    for (const std::uint64_t run : {1U, 2U}) desk_.offered("a", run, 100, now);
-    const auto claim = desk_.claim(now);
-    ASSERT_TRUE(claim);
-    ASSERT_TRUE(desk_.take("a", claim->run, 99, now));
-    now += milliseconds(10);
-    desk_.finished("a", milliseconds(10), false, now);
-    ++served[claim->run];
+    for (const std::uint64_t run : {1U, 2U}) desk_.offered("a", run, 100, now_);
+    ++served[serve(tenth).run];
   }
   EXPECT_EQ(served[1], 5);
   EXPECT_EQ(served[2], 5);

@@ -20,7 +20,7 @@ using namespace std::chrono_literals;
 using ::testing::HasSubstr;
 constexpr Nanos kLong = 30s;
 
-std::string error_of(const ConnectionOptions& options) {
+std::string fault_of(const ConnectionOptions& options) {
   try {
     check_connection(options);
   } catch (const Error& error) {
@@ -33,33 +33,33 @@ std::string error_of(const ConnectionOptions& options) {
 TEST(CloudConnection, IsRefusedBeyondThisMachineWithoutTls) {
   for (const char* loopback : {"nats://127.0.0.1:4222", "nats://localhost", "nats://[::1]:4222",
                                "nats://u:p@127.1.2.3:1"}) {
-    EXPECT_EQ(error_of({.server = loopback}), "") << loopback;
+    EXPECT_EQ(fault_of({.server = loopback}), "") << loopback;
   }
   for (const char* beyond :
        {"nats://10.0.0.1:4222", "nats://robots.example:4222", "nats://127.0.0.1.example.org:4222",
         "nats://[::2]:4222", "nats://127.0.0.1@example.org:4222", "nats://localhost.example:1"}) {
-    EXPECT_THAT(error_of({.server = beyond}), HasSubstr("without TLS")) << beyond;
-    EXPECT_EQ(error_of({.server = beyond, .insecure = true}), "") << beyond;
+    EXPECT_THAT(fault_of({.server = beyond}), HasSubstr("without TLS")) << beyond;
+    EXPECT_EQ(fault_of({.server = beyond, .insecure = true}), "") << beyond;
   }
-  EXPECT_EQ(error_of({.server = "tls://robots.example:4222"}), "");
+  EXPECT_EQ(fault_of({.server = "tls://robots.example:4222"}), "");
 }
 
 TEST(CloudConnection, TellsNobodyItsPassword) {
   EXPECT_EQ(public_url("nats://robot:secret@127.0.0.1:4222"), "nats://127.0.0.1:4222");
   EXPECT_EQ(public_url("tls://robots.example"), "tls://robots.example");
-  EXPECT_EQ(error_of({.server = "nats://robot:secret@10.0.0.1"}).find("secret"), std::string::npos);
-  EXPECT_EQ(error_of({.server = "http://robot:secret@10.0.0.1"}).find("secret"), std::string::npos);
+  EXPECT_EQ(fault_of({.server = "nats://robot:secret@10.0.0.1"}).find("secret"), std::string::npos);
+  EXPECT_EQ(fault_of({.server = "http://robot:secret@10.0.0.1"}).find("secret"), std::string::npos);
 }
 
 TEST(CloudConnection, NamesWhatIsNoServer) {
   for (const char* wrong :
        {"", "4222", "http://127.0.0.1", "nats://", "nats://127.0.0.1:0", "nats://127.0.0.1:99999",
         "nats://127.0.0.1:x", "nats://127.0.0.1/a", "nats://[::1", "nats://127.0.0.1:"}) {
-    EXPECT_THAT(error_of({.server = wrong}), HasSubstr("a server is nats://HOST:PORT")) << wrong;
+    EXPECT_THAT(fault_of({.server = wrong}), HasSubstr("a server is nats://HOST:PORT")) << wrong;
   }
-  EXPECT_THAT(error_of({.server = "tls://h", .ca = "/nowhere/ca.pem"}),
+  EXPECT_THAT(fault_of({.server = "tls://h", .ca = "/nowhere/ca.pem"}),
               HasSubstr("'/nowhere/ca.pem' is no file"));
-  EXPECT_THAT(error_of({.server = "tls://h", .nkey = "U"}), HasSubstr("belong together"));
+  EXPECT_THAT(fault_of({.server = "tls://h", .nkey = "U"}), HasSubstr("belong together"));
 }
 
 class CloudPermissions : public ::testing::Test {
@@ -108,11 +108,7 @@ TEST_F(CloudPermissions, LetARobotAndAWorkerDoAllThatTheyNeed) {
   const Workload small = adding("small", 1000), large = adding("large", 3'000'000),
                  weighed = adding("weighed", 100, 1'500'000);
   const std::vector<const Workload*> known = {&small, &large, &weighed};
-  WorkerOptions options;
-  options.connection.server = url_of("worker", "w");
-  options.hello = 300ms;
-  options.make_computer = make_adding_computer;
-  const WorkerLink worker(options, known);
+  const WorkerLink worker(worker_options(url_of("worker", "w")), known);
   const auto device = open_unit(url_of("r1", "one"), "robot: r1");
   for (const Workload* each : known) {
     const std::uint8_t parameter = each->parameters.empty() ? 0 : 2;
@@ -167,13 +163,8 @@ TEST_F(CloudPermissions, BindARobotToItsOwnSubjects) {
 }
 
 TEST(CloudPermissionNames, OfTwoRobotsAreTwoUsers) {
-  const auto problem = [](std::vector<std::string> robots) -> std::string {
-    try {
-      static_cast<void>(permissions(robots));
-    } catch (const Error& error) {
-      return error.what();
-    }
-    return "";
+  const auto problem = [](const std::vector<std::string>& robots) {
+    return error_of([&] { static_cast<void>(permissions(robots)); });
   };
   EXPECT_EQ(problem({"r1", "r2"}), "");
   EXPECT_THAT(problem({"r-1", "r_1"}), HasSubstr("would have one password, $PIRT_ROBOT_R_1"));
@@ -188,11 +179,7 @@ TEST(CloudPermissionNames, OfTwoRobotsAreTwoUsers) {
 TEST_F(CloudPermissions, ARobotSaysNothingInAnothersNameByTheServersAnswers) {
   const Workload small = adding("small", 1000);
   const std::vector<const Workload*> known = {&small};
-  WorkerOptions options;
-  options.connection.server = url_of("worker", "w");
-  options.hello = 300ms;
-  options.make_computer = make_adding_computer;
-  const WorkerLink worker(options, known);
+  const WorkerLink worker(worker_options(url_of("worker", "w")), known);
   const auto device = open_unit(url_of("r1", "one"), "robot: r1");
   const auto kernel = device->prepare(small, {});
   std::atomic<int> stolen = 0;

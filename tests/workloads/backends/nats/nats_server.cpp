@@ -80,14 +80,14 @@ pid_t start_process(std::vector<std::string> arguments, const std::string& log,
   ::_exit(127);
 }
 
-void end_process(pid_t& process, int signal) {
+}  // namespace
+
+void end_process(pid_t& process) {
   if (process <= 0) return;
-  ::kill(process, signal);
+  ::kill(process, SIGKILL);
   ::waitpid(process, nullptr, 0);
   process = -1;
 }
-
-}  // namespace
 
 std::string nats_server_program() {
   for (const char* each :
@@ -108,7 +108,7 @@ NatsServer::NatsServer(const std::string& config, bool jetstream, const std::str
 }
 
 NatsServer::~NatsServer() {
-  end_process(process_, SIGKILL);
+  end_process(process_);
   std::error_code ignored;
   std::filesystem::remove_all(folder_, ignored);
 }
@@ -131,7 +131,7 @@ bool NatsServer::start(const std::vector<std::string>& environment) {
   return false;
 }
 
-void NatsServer::kill() { end_process(process_, SIGKILL); }
+void NatsServer::kill() { end_process(process_); }
 
 std::string NatsServer::log() const {
   std::ostringstream text;
@@ -345,17 +345,39 @@ std::unique_ptr<Device> open_unit(const std::string& url, const std::string& set
                                     .options = {{"patience_s", patience_s}}});
 }
 
-void run_worker_process() {
-  const Workload small = adding("small", 1000), large = adding("large", 3'000'000);
-  const std::vector<const Workload*> all = {&small, &large};
+double resident_mb(const std::string& process) {
+  std::ifstream statm("/proc/" + process + "/statm");
+  std::uint64_t total = 0, resident = 0;
+  statm >> total >> resident;
+  return static_cast<double>(resident) * 4096e-6;
+}
+
+WorkerOptions worker_options(const std::string& url) {
   WorkerOptions options;
-  options.connection.server = std::getenv("PIRT_TEST_CLOUD");
+  options.connection.server = url;
   options.connection.reconnect_wait = 50ms;
-  options.name = "process-" + std::to_string(::getpid());
-  options.limits.slots = std::atoi(std::getenv("PIRT_TEST_SLOTS"));
   options.progress = 300ms;
   options.hello = 300ms;
   options.make_computer = make_adding_computer;
+  return options;
+}
+
+RobotOptions robot_options(const std::string& url) {
+  RobotOptions options;
+  options.connection.server = url;
+  options.connection.reconnect_wait = 50ms;
+  options.limits.confirm = 1s;
+  options.limits.silence = 3s;
+  options.limits.worker = 2s;
+  return options;
+}
+
+void run_worker_process() {
+  const Workload small = adding("small", 1000), large = adding("large", 3'000'000);
+  const std::vector<const Workload*> all = {&small, &large};
+  WorkerOptions options = worker_options(std::getenv("PIRT_TEST_CLOUD"));
+  options.name = "process-" + std::to_string(::getpid());
+  options.limits.slots = std::atoi(std::getenv("PIRT_TEST_SLOTS"));
   const WorkerLink worker(options, all);
   while (true) std::this_thread::sleep_for(1s);
 }

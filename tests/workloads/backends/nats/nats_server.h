@@ -19,6 +19,7 @@
 #include "workloads/backends/nats/link/administration.h"
 #include "workloads/backends/nats/robot/robot_link.h"
 #include "workloads/backends/nats/service/worker_link.h"
+#include "workloads/base/error.h"
 #include "workloads/model/backend.h"
 
 namespace pirt::cloud::test {
@@ -35,6 +36,20 @@ template <typename Condition>
     std::this_thread::sleep_for(kLook);
   }
   return holds();
+}
+
+/// Kills it, and waits until it is gone.
+void end_process(pid_t& process);
+
+/// Of the Error that @p call throws; empty = it throws none.
+template <typename Call>
+[[nodiscard]] std::string error_of(const Call& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
 }
 
 class NatsServer {
@@ -137,12 +152,19 @@ struct AddingTask {
 /// Of a robot's whole call, as a device's user makes it: upload, execute, download.
 [[nodiscard]] std::string call_and_check(Kernel& kernel, const Workload& workload,
                                          const AddingTask& task, std::uint8_t parameter = 0);
+/// In MB. @param process  Its id, or "self".
+[[nodiscard]] double resident_mb(const std::string& process);
 /// Parameters of a workload, each byte @p value.
 [[nodiscard]] std::vector<Tensor> parameters_of(const Workload& workload, std::uint8_t value);
 /// A unit of role cloud. @param settings  More of its YAML.
 [[nodiscard]] std::unique_ptr<Device> open_unit(const std::string& url,
                                                 const std::string& settings = "",
                                                 double patience_s = 30);
+
+/// A worker that computes them, and is soon heard of.
+[[nodiscard]] WorkerOptions worker_options(const std::string& url);
+/// A robot that waits for no server or worker for long.
+[[nodiscard]] RobotOptions robot_options(const std::string& url);
 
 /// Runs until the environment's parent kills it: what the test program is started for again.
 void run_worker_process();

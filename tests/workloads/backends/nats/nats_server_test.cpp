@@ -4,7 +4,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/wait.h>
 
 #include <condition_variable>
 #include <future>
@@ -40,8 +39,6 @@ TEST(CloudProcess, IsARobot) {
   run_robot_process();
 }
 
-Json json_of(const Bytes& bytes) { return parse_json(text_of(bytes)); }
-
 TEST(CloudProcess, IsASlot) {
   if (std::getenv("PIRT_TEST_SLOT") == nullptr) {
     GTEST_SKIP() << "the body of the processes that compute in another test";
@@ -50,6 +47,13 @@ TEST(CloudProcess, IsASlot) {
   const std::vector<const Workload*> known = {&small, &weighed};
   serve_computer(*make_adding_computer(), Admission(known, 1 << 30));
 }
+
+/// That is up.
+struct ReachedRobot : RobotLink {
+  explicit ReachedRobot(const std::string& url) : RobotLink(robot_options(url)) {
+    EXPECT_TRUE(wait_until_up(kLong)) << why_down();
+  }
+};
 
 class CloudServer : public ::testing::Test {
  protected:
@@ -60,27 +64,12 @@ class CloudServer : public ::testing::Test {
     set_up_robot("robot");
   }
   void set_up_robot(const std::string& name) {
-    Connection admin({.server = server_->url()}, {});
-    ASSERT_TRUE(admin.wait_until_up(kLong));
-    set_up(admin, {.robots = {name}});
-  }
-  static RobotOptions robot_options(const std::string& url) {
-    RobotOptions options;
-    options.connection.server = url;
-    options.connection.reconnect_wait = 50ms;
-    options.limits.confirm = 1s;
-    options.limits.silence = 3s;
-    options.limits.worker = 2s;
-    return options;
+    administer({.server = server_->url()}, {.robots = {name}});
   }
   std::unique_ptr<WorkerLink> start_worker(const std::string& url, int slots = 1) {
-    WorkerOptions options;
-    options.connection.server = url;
-    options.connection.reconnect_wait = 50ms;
+    WorkerOptions options = worker_options(url);
     options.name = "w" + std::to_string(++workers_);
     options.limits.slots = slots;
-    options.progress = 300ms;
-    options.hello = 300ms;
     options.make_computer = make_computer_;
     return std::make_unique<WorkerLink>(options, known_);
   }
@@ -97,8 +86,8 @@ class CloudServer : public ::testing::Test {
   std::future<ReplyMessage> submit(RobotLink& robot, const AddingTask& task, TaskId* id = nullptr) {
     return submit(robot, make_submission(small_, task), id);
   }
-  static ReplyMessage end_of(std::future<ReplyMessage>& future, Nanos most = kLong) {
-    if (future.wait_for(most) != std::future_status::ready) {
+  static ReplyMessage end_of(auto&& future) {
+    if (future.wait_for(kLong) != std::future_status::ready) {
       ADD_FAILURE() << "no end";
       return {.problem = "no end"};
     }
@@ -109,10 +98,8 @@ class CloudServer : public ::testing::Test {
     Connection admin({.server = server_->url()}, {});
     if (!admin.wait_until_up(kLong)) return -1;
     const auto answer = admin.request("$JS.API.STREAM.INFO.PIRT_robot", "");
-    return answer.came ? json_of(answer.data).at("state").at("messages").get<std::int64_t>() : -1;
-  }
-  bool nothing_is_left() {
-    return eventually([&] { return messages() == 0; });
+    if (!answer.came) return -1;
+    return parse_json(text_of(answer.data)).at("state").at("messages").get<std::int64_t>();
   }
 
   Workload small_ = adding("small", 1000), large_ = adding("large", 3'000'000),
@@ -125,12 +112,10 @@ class CloudServer : public ::testing::Test {
 
 TEST_F(CloudServer, ComputesACall) {
   const auto worker = start_worker(server_->url());
-  RobotLink robot(robot_options(server_->url()));
-  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  ReachedRobot robot(server_->url());
   const AddingTask task{.tens_of_ms = 2, .value = 9};
   const auto begin = MachineClock().now();
-  auto future = submit(robot, task);
-  const ReplyMessage end = end_of(future);
+  const ReplyMessage end = end_of(submit(robot, task));
   EXPECT_EQ(end.problem, "");
   EXPECT_EQ(check_outputs(small_, task, end), "");
   EXPECT_EQ(end.worker, "w1");
@@ -141,8 +126,7 @@ TEST_F(CloudServer, ComputesACall) {
 
 TEST_F(CloudServer, HasAsManyTasksAsSlotsAndLeavesTheRestWithTheRobot) {
   const auto worker = start_worker(server_->url(), 2);
-  RobotLink robot(robot_options(server_->url()));
-  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  ReachedRobot robot(server_->url());
   std::vector<std::future<ReplyMessage>> ends;
   for (int i = 0; i < 20; ++i) {
     ends.push_back(submit(robot, {.tens_of_ms = 5, .value = static_cast<std::uint8_t>(i)}));
@@ -167,7 +151,7 @@ TEST_F(CloudServer, SendsWhatIsLargerThanAMessageInChunksAndRemovesThem) {
     EXPECT_EQ(call_and_check(*kernel, large_, {.value = 3}), "");
   }
   EXPECT_TRUE(dynamic_cast<const Remote&>(*device).link().bytes_per_s.has_value());
-  EXPECT_TRUE(nothing_is_left()) << messages();
+  EXPECT_TRUE(eventually([&] { return messages() == 0; })) << messages();
 }
 
 TEST_F(CloudServer, SendsParametersOnce) {
@@ -186,16 +170,14 @@ TEST_F(CloudServer, SendsParametersOnce) {
 
 TEST_F(CloudServer, GivesATaskOfAKilledWorkerToAnother) {
   pid_t first = start_worker_process(server_->url(), 1);
-  RobotLink robot(robot_options(server_->url()));
-  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  ReachedRobot robot(server_->url());
   const AddingTask task{.tens_of_ms = 200, .value = 4};
   Submission submission = make_submission(small_, task);
   std::promise<void> taken;
   submission.taken = [&] { taken.set_value(); };
   auto future = submit(robot, std::move(submission));
   ASSERT_EQ(taken.get_future().wait_for(kLong), std::future_status::ready);
-  ::kill(first, SIGKILL);
-  ::waitpid(first, nullptr, 0);
+  end_process(first);
   EXPECT_EQ(future.wait_for(0s), std::future_status::timeout) << "it was killed half-way";
   const auto second = start_worker(server_->url());
   const ReplyMessage end = end_of(future);
@@ -206,8 +188,7 @@ TEST_F(CloudServer, GivesATaskOfAKilledWorkerToAnother) {
 
 TEST_F(CloudServer, GoesOnWhenTheServerWasKilledAndStartsAgain) {
   const auto worker = start_worker(server_->url());
-  RobotLink robot(robot_options(server_->url()));
-  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  ReachedRobot robot(server_->url());
   std::vector<std::future<ReplyMessage>> ends;
   const auto submit_some = [&] {
     for (int i = 0; i < 5; ++i) ends.push_back(submit(robot, {.tens_of_ms = 10, .value = 8}));
@@ -256,14 +237,11 @@ TEST_F(CloudServer, IsDownForARobotThatItDoesNotKnow) {
 
 TEST_F(CloudServer, GivesUpAPoisonedTaskAfterThreeTries) {
   const auto worker = start_worker(server_->url());
-  RobotLink robot(robot_options(server_->url()));
-  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
-  auto future = submit(robot, {.ask = Ask::kThrow});
-  const ReplyMessage end = end_of(future);
+  ReachedRobot robot(server_->url());
+  const ReplyMessage end = end_of(submit(robot, {.ask = Ask::kThrow}));
   EXPECT_EQ(end.problem, "given up after 3 tries; the last one failed on worker w1: boom");
   EXPECT_EQ(worker->counts().ended(ReplyKind::kFailedTry), 3);
-  auto next = submit(robot, {.value = 1});
-  EXPECT_EQ(end_of(next).problem, "");
+  EXPECT_EQ(end_of(submit(robot, {.value = 1})).problem, "");
 }
 
 /// Whose slots are processes of their own.
@@ -353,21 +331,18 @@ TEST_F(CloudSlots, RefuseARobotWhoseCallsEndTheirProcesses) {
 
 TEST_F(CloudServer, RefusesWhatNoWorkerKnows) {
   const auto worker = start_worker(server_->url());
-  RobotLink robot(robot_options(server_->url()));
-  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  ReachedRobot robot(server_->url());
   const Workload other = adding("small", 999), unknown = adding("unknown", 10);
   EXPECT_THAT(robot.why_not(other), HasSubstr("has another small"));
   EXPECT_THAT(robot.why_not(unknown), HasSubstr("does not know unknown"));
   EXPECT_EQ(robot.why_not(small_), "");
-  auto future = submit(robot, make_submission(other, {}));
-  const ReplyMessage end = end_of(future);
+  const ReplyMessage end = end_of(submit(robot, make_submission(other, {})));
   EXPECT_THAT(end.problem, HasSubstr("refused it: small is something else here"));
 }
 
 TEST_F(CloudServer, TellsTheWorkerThatNobodyWantsATaskAnyMore) {
   const auto worker = start_worker(server_->url());
-  RobotLink robot(robot_options(server_->url()));
-  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  ReachedRobot robot(server_->url());
   TaskId id;
   auto future = submit(robot, {.tens_of_ms = 50}, &id);
   ASSERT_TRUE(eventually([&] { return worker->counts().taken == 1; }));
@@ -378,13 +353,11 @@ TEST_F(CloudServer, TellsTheWorkerThatNobodyWantsATaskAnyMore) {
 
 TEST_F(CloudServer, DropsWhatIsPastItsTimeAndSaysSo) {
   const auto worker = start_worker(server_->url());
-  RobotLink robot(robot_options(server_->url()));
-  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  ReachedRobot robot(server_->url());
   auto before = submit(robot, {.tens_of_ms = 100, .value = 1});
   Submission submission = make_submission(small_, {.value = 2});
   submission.task.time_left = 200ms;  // It waits for longer.
-  auto future = submit(robot, std::move(submission));
-  const ReplyMessage end = end_of(future);
+  const ReplyMessage end = end_of(submit(robot, std::move(submission)));
   EXPECT_EQ(end.problem, "its time was over before a worker began");
   EXPECT_EQ(end_of(before).problem, "");
   EXPECT_EQ(worker->counts().ended(ReplyKind::kExpired), 1);
@@ -425,8 +398,7 @@ TEST_F(CloudServer, ServesARobotThatIsStartedAgain) {
   for (int i = 0; i < 3; ++i) {
     RobotLink robot(robot_options(server_->url()));
     static_cast<void>(submit(robot, {.tens_of_ms = 30, .value = 1}));
-    auto future = submit(robot, {.value = 2});
-    EXPECT_EQ(end_of(future).problem, "");
+    EXPECT_EQ(end_of(submit(robot, {.value = 2})).problem, "");
     static_cast<void>(submit(robot, {.tens_of_ms = 30, .value = 1}));
   }
 }
@@ -450,8 +422,7 @@ TEST_F(CloudServer, FreesWhatAKilledRobotHeldAndServesItWhenItIsStartedAgain) {
       ASSERT_TRUE(eventually([&] { return worker->counts().ended(ReplyKind::kDone) > before; }));
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(random() % 300));
-    ::kill(robot, SIGKILL);
-    ::waitpid(robot, nullptr, 0);
+    end_process(robot);
   }
   EXPECT_TRUE(eventually([&] { return running() == 0; })) << "calls end, claims run out";
   // Both slots are another's, and what it has left on its stream is no end of its room.
@@ -486,7 +457,7 @@ TEST_F(CloudServer, AsksASecondWorkerWhereTheFirstIsSlow) {
   RobotOptions options = robot_options(server_->url());
   options.limits.hedge_after = 100ms;
   RobotLink robot(options);
-  const pid_t slow = start_worker_process(server_->url(), 1);
+  pid_t slow = start_worker_process(server_->url(), 1);
   ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
   Submission submission = make_submission(small_, {.tens_of_ms = 20, .value = 2});
   std::promise<void> taken;
@@ -499,14 +470,12 @@ TEST_F(CloudServer, AsksASecondWorkerWhereTheFirstIsSlow) {
   EXPECT_EQ(end.problem, "");
   EXPECT_EQ(end.worker, "w1");
   EXPECT_EQ(robot.counts().hedged, 1);
-  ::kill(slow, SIGKILL);
-  ::waitpid(slow, nullptr, 0);
+  end_process(slow);
 }
 
 TEST_F(CloudServer, DropsAndCountsWhatIsNoMessage) {
   const auto worker = start_worker(server_->url());
-  RobotLink robot(robot_options(server_->url()));
-  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  ReachedRobot robot(server_->url());
   Connection other({.server = server_->url()}, {});
   ASSERT_TRUE(other.wait_until_up(kLong));
   std::mt19937 random(1);
@@ -520,8 +489,7 @@ TEST_F(CloudServer, DropsAndCountsWhatIsNoMessage) {
       other.publish(to, bytes);
     }
   }
-  auto future = submit(robot, {.value = 1});
-  EXPECT_EQ(end_of(future).problem, "");
+  EXPECT_EQ(end_of(submit(robot, {.value = 1})).problem, "");
   EXPECT_TRUE(eventually([&] { return worker->counts().malformed >= 200; }));
   EXPECT_EQ(worker->counts().ended(ReplyKind::kDone), 1);
 }
@@ -548,9 +516,7 @@ class CloudLimits : public ::testing::Test {
   }
   static std::string why_down(NatsServer& server, const std::string& part) {
     EXPECT_TRUE(server.start()) << server.log();
-    RobotOptions options;
-    options.connection.server = server.url();
-    RobotLink robot(options);
+    RobotLink robot(robot_options(server.url()));
     static_cast<void>(eventually([&] { return robot.why_down().find(part) != std::string::npos; }));
     return robot.why_down();
   }
@@ -561,9 +527,7 @@ TEST_F(CloudLimits, OfTheServerAreNamedWithTheirRemedies) {
   ASSERT_TRUE(full.start()) << full.log();
   Connection only({.server = full.url()}, {});
   ASSERT_TRUE(only.wait_until_up(kLong));
-  RobotOptions options;
-  options.connection.server = full.url();
-  RobotLink robot(options);
+  RobotLink robot(robot_options(full.url()));
   EXPECT_TRUE(eventually([&] {
     return robot.why_down().find("raise max_connections there") != std::string::npos;
   })) << robot.why_down();
@@ -600,23 +564,13 @@ TEST_F(CloudLimits, OfWhoIsLetInAreNamedWithTheirRemedies) {
 TEST_F(CloudLimits, OfTheStoreAreNamedWithTheirRemedies) {
   NatsServer server("", true, "max_file_store: 20MB\nmax_memory_store: 1MB\n");
   ASSERT_TRUE(server.start()) << server.log();
-  Connection admin({.server = server.url()}, {});
-  ASSERT_TRUE(admin.wait_until_up(kLong));
-  try {
-    set_up(admin, {});
-    ADD_FAILURE() << "512 MB of 20";
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("max_file_store"));
-    EXPECT_THAT(error.what(), HasSubstr("pirt cloud-admin setup --robot-mb"));
-  }
-  set_up(admin, {.robot_bytes = 4 << 20});
+  const std::string why = error_of([&] { administer({.server = server.url()}, {}); });
+  EXPECT_THAT(why, HasSubstr("max_file_store")) << "512 MB of 20";
+  EXPECT_THAT(why, HasSubstr("pirt cloud-admin setup --robot-mb"));
+  administer({.server = server.url()}, {.robot_bytes = 4 << 20});
   const Workload weighed = adding("weighed", 100, 5'000'000);
   const std::vector<const Workload*> known = {&weighed};
-  WorkerOptions options;
-  options.connection.server = server.url();
-  options.hello = 300ms;
-  options.make_computer = make_adding_computer;
-  const WorkerLink worker(options, known);
+  const WorkerLink worker(worker_options(server.url()), known);
   const auto device = open_unit(server.url());
   const auto kernel = device->prepare(weighed, parameters_of(weighed, 1));
   EXPECT_THAT(call_and_check(*kernel, weighed, {}, 1),
@@ -627,16 +581,10 @@ TEST_F(CloudLimits, OfTheStoreAreNamedWithTheirRemedies) {
 TEST_F(CloudLimits, AServerOfSmallMessagesServes) {
   NatsServer server("max_payload: 65536\n");
   ASSERT_TRUE(server.start()) << server.log();
-  Connection admin({.server = server.url()}, {});
-  ASSERT_TRUE(admin.wait_until_up(kLong));
-  set_up(admin, {});
+  administer({.server = server.url()}, {});
   const Workload large = adding("large", 1'000'000);
   const std::vector<const Workload*> known = {&large};
-  WorkerOptions options;
-  options.connection.server = server.url();
-  options.hello = 300ms;
-  options.make_computer = make_adding_computer;
-  const WorkerLink worker(options, known);
+  const WorkerLink worker(worker_options(server.url()), known);
   const auto device = open_unit(server.url());
   EXPECT_EQ(call_and_check(*device->prepare(large, {}), large, {.value = 1}), "");
   // Without patience what is there serves all the same.
@@ -655,11 +603,7 @@ TEST_F(CloudLimits, WhatIsMissingIsPutInTheChunksThatItsMessageNames) {
   admin.subscribe("pirt.offer.robot", [&](const Incoming&) { waits = true; });
   const Workload weighed = adding("weighed", 100, 1'500'000);
   const std::vector<const Workload*> known = {&weighed};
-  WorkerOptions options;
-  options.connection.server = server.url();
-  options.hello = 300ms;
-  options.make_computer = make_adding_computer;
-  auto worker = std::make_unique<WorkerLink>(options, known);
+  auto worker = std::make_unique<WorkerLink>(worker_options(server.url()), known);
   const auto device = open_unit(server.url());
   const auto kernel = device->prepare(weighed, parameters_of(weighed, 5));
   worker.reset();  // Nobody claims what is submitted.
@@ -668,7 +612,7 @@ TEST_F(CloudLimits, WhatIsMissingIsPutInTheChunksThatItsMessageNames) {
   ASSERT_TRUE(eventually([&] { return waits.load(); }));
   server.kill();
   ASSERT_TRUE(server.start({"PIRT_TEST_PAYLOAD=1048576"})) << server.log();
-  worker = std::make_unique<WorkerLink>(options, known);
+  worker = std::make_unique<WorkerLink>(worker_options(server.url()), known);
   call.join();
   EXPECT_EQ(problem, "");
   EXPECT_EQ(worker->counts().ended(ReplyKind::kMissing), 1);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "workloads/backends/nats/wire/subjects.h"
+
 namespace pirt::cloud::test {
 namespace {
 
@@ -18,10 +20,7 @@ constexpr Nanos kQuiet = std::chrono::hours(2);
 Simulation::Simulation(const SimulationOptions& options)
     : options_(options), random_(options.seed) {
   for (int i = 0; i < options_.robots; ++i) {
-    Robot& robot = robots_.emplace_back();
-    robot.name = "r" + std::to_string(i);
-    robot.events.simulation = this;
-    robot.events.robot = &robot;
+    robots_.emplace_back().name = "r" + std::to_string(i);
   }
   workers_.resize(static_cast<std::size_t>(options_.workers));
 }
@@ -49,39 +48,23 @@ void Simulation::carry(Peer& from, Peer& to, std::function<void()> what) {
      });
 }
 
-void Simulation::Events::offer(std::uint32_t waiting) {
-  for (Worker& worker : simulation->workers_) {
-    simulation->carry(robot->peer, worker.peer, [this, &worker, waiting, run = robot->run] {
-      worker.desk->offered(robot->name, run, waiting, simulation->now_);
-      simulation->claim(worker);
-    });
+void Simulation::say(Robot& robot, const std::string& to, const Bytes& message) {
+  const bool is_for_one = to.starts_with("pirt.task.");
+  for (Worker& worker : workers_) {
+    if (is_for_one && to != task_subject(robot.name, worker.instance)) continue;
+    carry(robot.peer, worker.peer,
+          [this, &robot, &worker, message] { hear(worker, robot, message); });
   }
 }
 
-void Simulation::Events::give(Submission& task, std::uint64_t instance) {
-  for (Worker& worker : simulation->workers_) {
-    if (worker.instance != instance) continue;
-    simulation->carry(robot->peer, worker.peer, [this, &worker, given = task.task] {
-      simulation->take(worker, *robot, given);
-    });
-  }
-}
-
-void Simulation::Events::give_nothing(std::uint64_t instance) {
-  for (Worker& worker : simulation->workers_) {
-    if (worker.instance != instance) continue;
-    simulation->carry(robot->peer, worker.peer, [this, &worker, run = robot->run] {
-      worker.desk->offered(robot->name, run, 0, simulation->now_);
-      simulation->claim(worker);
-    });
-  }
-}
-
-void Simulation::Events::withdraw(const TaskId& task) {
-  for (Worker& worker : simulation->workers_) {
-    simulation->carry(robot->peer, worker.peer, [&worker, task] {
-      for (auto& [number, job] : worker.jobs) job.unwanted |= job.task == task;
-    });
+void Simulation::hear(Worker& worker, Robot& robot, const Bytes& message) {
+  if (const auto task = decode_as<TaskMessage>(message).value) {
+    take(worker, robot, *task);
+  } else if (const auto offer = decode_as<OfferMessage>(message).value) {
+    worker.desk->offered(robot.name, offer->run, offer->waiting, now_);
+    claim(worker);
+  } else if (const auto cancel = decode_as<CancelMessage>(message).value) {
+    for (auto& [number, job] : worker.jobs) job.unwanted |= job.task == cancel->task;
   }
 }
 
@@ -96,8 +79,11 @@ void Simulation::begin_robot(Robot& robot) {
   count(robot);
   CallerLimits limits;
   if (options_.hedges) limits.hedge_after = seconds(3);
-  robot.caller = std::make_unique<Caller>(robot.events, limits, random_());
-  ++robot.run;
+  robot.run = random_();
+  robot.caller = std::make_unique<Caller>(
+      robot.name, robot.run, limits,
+      [this, &robot](const std::string& to, const Bytes& message) { say(robot, to, message); },
+      [](const auto& what) { what(); });
   robot.number = 0;
   robot.wakes_at = Nanos::max();
 }

@@ -53,23 +53,9 @@ class Simulation {
     bool cut = false, runs = true;
     int epoch = 0;
   };
-  struct Robot;
-  struct Events : CallerEvents {
-    Simulation* simulation = nullptr;
-    Robot* robot = nullptr;
-    void offer(std::uint32_t waiting) override;
-    void give(Submission& task, std::uint64_t worker) override;
-    void give_nothing(std::uint64_t worker) override;
-    void taken(const Submission&) override {}
-    void withdraw(const TaskId& task) override;
-    void tell(std::function<void()> what) override {
-      if (what) what();
-    }
-  };
   struct Robot {
     std::string name;
     Peer peer;
-    Events events;
     std::unique_ptr<Caller> caller;
     std::uint64_t run = 0, number = 0;
     Nanos wakes_at = Nanos::max();
@@ -104,6 +90,9 @@ class Simulation {
   /// From one to another, unless one of their connections is lost meanwhile.
   void carry(Peer& from, Peer& to, std::function<void()> what);
   void lose(Peer& peer) { ++peer.epoch; }
+  /// A robot's message, to whom it is for.
+  void say(Robot& robot, const std::string& to, const Bytes& message);
+  void hear(Worker& worker, Robot& robot, const Bytes& message);
 
   void begin_robot(Robot& robot);
   void begin_worker(Worker& worker);

@@ -3,13 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstring>
 
 #include "tests/support/data.h"
+#include "tests/workloads/backends/nats/hostile.h"
 #include "workloads/backends/nats/robot/caller.h"
 #include "workloads/backends/nats/service/computer.h"
 #include "workloads/backends/registry.h"
-#include "workloads/base/math/random.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/model/own_operation.h"
 #include "workloads/recognition/scene_workload.h"
@@ -60,17 +59,6 @@ TaskMessage small_task(const Workload& workload) {
 }
 
 Bytes small_frame(const Workload& workload) { return encode(small_task(workload)); }
-
-/// With the checksum that fits.
-Bytes sealed(Bytes frame) {
-  constexpr std::size_t kHeader = 24;
-  if (frame.size() < kHeader) return frame;
-  const std::uint64_t length = frame.size() - kHeader;
-  std::memcpy(frame.data() + 8, &length, sizeof length);
-  const Digest digest = digest_of(ByteView(frame).subspan(kHeader));
-  std::memcpy(frame.data() + 16, digest.bytes.data(), 8);
-  return frame;
-}
 
 TEST(CloudWire, ATaskArrivesAsItWasSent) {
   const Workload workload = small_workload();
@@ -176,7 +164,7 @@ std::vector<std::int64_t> sizes_of(const Workload& workload) { return kind_of(wo
 
 TEST(CloudWire, SizesOfOnesOwnAreMadeWhereTheyArrive) {
   const Workload& sobel = find_workload("sobel");
-  const Workload* const known[] = {&sobel, &find_workload("fc8")};
+  const Workload* const known[] = {&sobel, &find_workload("fc8"), &find_workload("pool5")};
   const Admission admission(known, kRoom);
   const auto task = [](const Workload& workload, std::vector<std::int64_t> sizes) {
     TaskMessage message = task_of(workload, make_tensors(workload.inputs));
@@ -189,6 +177,8 @@ TEST(CloudWire, SizesOfOnesOwnAreMadeWhereTheyArrive) {
   ASSERT_TRUE(made.value) << made.problem;
   EXPECT_EQ((*made.value)->inputs[0].shape, (std::vector<std::int64_t>{200, 320}));
   EXPECT_EQ(admission.admit(task(sobel, sizes_of(sobel))).value->get(), &sobel);
+  const Workload& named = find_workload("pool5@13x13");
+  EXPECT_EQ(admission.admit(task(named, sizes_of(named))).value->get(), &find_workload("pool5"));
   const auto problem = [&](const Workload& workload, std::vector<std::int64_t> sizes) {
     return admission.admit(task(workload, std::move(sizes))).problem;
   };
@@ -365,47 +355,6 @@ TEST(CloudWire, SpecsDifferInWhateverChangesTheResult) {
   EXPECT_FALSE(differs([](Workload& w) { w.description = "another text"; }));
 }
 
-/// A message that is no good one: random, cut, longer, or with other bytes in places that mean
-/// something; its checksum fits in half of the cases, so that what lies behind it is reached.
-class Hostile {
- public:
-  Hostile(std::uint64_t seed, Bytes good, std::size_t meaning)
-      : random_(seed), good_(std::move(good)), meaning_(meaning) {}
-
-  Bytes next() {
-    Bytes bytes = good_;
-    switch (random_.below(5)) {
-      case 0:
-        bytes.resize(random_.below(200));
-        for (std::byte& each : bytes) each = static_cast<std::byte>(random_.next());
-        return bytes;
-      case 1:
-        bytes.resize(random_.below(bytes.size()));
-        break;
-      case 2:
-        bytes.insert(bytes.end(), 1 + random_.below(64), std::byte{0x41});
-        break;
-      case 3: {  // A length, a count, a number of rows that is enormous or negative.
-        const std::size_t at = 24 + random_.below(meaning_ - 24 - 8);
-        const std::uint64_t value =
-            random_.below(2) == 0 ? ~std::uint64_t{0} >> random_.below(40) : random_.next();
-        std::memcpy(bytes.data() + at, &value, sizeof value);
-        break;
-      }
-      default:
-        for (std::uint64_t i = 0; i <= random_.below(4); ++i) {
-          bytes[random_.below(meaning_)] ^= static_cast<std::byte>(1 + random_.below(255));
-        }
-    }
-    return random_.below(2) == 0 ? bytes : sealed(std::move(bytes));
-  }
-
- private:
-  Random random_;
-  Bytes good_;
-  std::size_t meaning_;
-};
-
 TEST(CloudWire, TenThousandHostileMessagesRunNothingElseOnAWorker) {
   const Workload workload = small_workload();
   const Workload* const known[] = {&workload};
@@ -415,7 +364,7 @@ TEST(CloudWire, TenThousandHostileMessagesRunNothingElseOnAWorker) {
   // All bytes before the pixels mean something; 3 rows of 2 floats, a number of rows and 24 pixels
   // end the message.
   const std::size_t pixels = good.size() - (3 * 2 * 4 + 8 + 24);
-  Hostile hostile(11, good, pixels);
+  test::Hostile hostile(11, good, pixels);
   int admitted = 0, refused = 0;
   for (int i = 0; i < 10'000; ++i) {
     const Bytes message = hostile.next();
@@ -436,21 +385,9 @@ TEST(CloudWire, TenThousandHostileMessagesRunNothingElseOnAWorker) {
   EXPECT_LT(admitted, 1000);
 }
 
-/// Does nothing but what it is told.
-struct Told : CallerEvents {
-  void offer(std::uint32_t) override {}
-  void give(Submission&, std::uint64_t) override {}
-  void give_nothing(std::uint64_t) override {}
-  void taken(const Submission&) override {}
-  void withdraw(const TaskId&) override {}
-  void tell(std::function<void()> what) override {
-    if (what) what();
-  }
-};
-
 TEST(CloudWire, TenThousandHostileMessagesEndNothingAtARobot) {
-  Told events;
-  Caller caller(events, {}, 1);
+  Caller caller(
+      "r", 1, {}, [](const std::string&, const Bytes&) {}, [](const auto& what) { what(); });
   caller.link_up(Nanos(0));
   int ends = 0;
   caller.submit({.task = {.task = {1, 2}}, .ended = [&ends](const ReplyMessage&) { ++ends; }},
@@ -458,7 +395,7 @@ TEST(CloudWire, TenThousandHostileMessagesEndNothingAtARobot) {
   // Of another task: what only changes the id hits ours in 1 of 2^128 cases.
   const Bytes good =
       encode(ReplyMessage{.task = {77, 78}, .worker = "w", .outputs = {Bytes(16), {}}});
-  Hostile hostile(12, good, good.size());
+  test::Hostile hostile(12, good, good.size());
   for (int i = 0; i < 10'000; ++i) {
     const auto reply = decode_as<ReplyMessage>(hostile.next());
     if (reply.value) caller.replied(*reply.value, Nanos(i));

@@ -117,9 +117,7 @@ StreamAnswer read_answer(const Connection::Answer& answer) {
     read.error = 0;
   } else {
     const Json& error = read.json.at("error");
-    const auto said = [&](const char* key) {
-      return error.is_object() && error.contains(key) ? error.at(key) : Json();
-    };
+    const auto said = [&](const char* key) { return error.contains(key) ? error.at(key) : Json(); };
     const Json code = said("err_code"), why = said("description");
     read.error = code.is_number_integer() ? code.get<int>() : 1;
     read.why = why.is_string() ? why.get<std::string>() : "refused";

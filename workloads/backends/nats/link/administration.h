@@ -24,8 +24,7 @@ struct Setup {
 /// server, or it refuses, with the remedy.
 std::vector<std::string> set_up(Connection& connection, const Setup& setup);
 /// The same over a connection of its own.
-[[nodiscard]] std::vector<std::string> administer(const ConnectionOptions& options,
-                                                  const Setup& setup);
+std::vector<std::string> administer(const ConnectionOptions& options, const Setup& setup);
 
 /// What JetStream said.
 struct StreamAnswer {

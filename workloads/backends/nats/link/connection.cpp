@@ -8,6 +8,7 @@
 #include <condition_variable>
 #include <cstdlib>
 #include <cstring>
+#include <list>
 #include <mutex>
 #include <random>
 #include <utility>
@@ -66,11 +67,10 @@ bool has_headers(natsMsg* message) {
 
 struct Connection::State {
   struct Subscription {
+    State* state;
     std::string subject;
     Handler handler;
-    std::int64_t most_bytes = 0;
-    /// Of those that the library has: it knows of no destructor's end.
-    std::shared_ptr<State> state = {};
+    std::int64_t most_bytes;
   };
 
   ConnectionOptions options;
@@ -82,10 +82,11 @@ struct Connection::State {
   std::condition_variable_any changed;
   std::shared_ptr<natsConnection> handle;        ///< Null while there is none.
   std::string why_down, problem;                 ///< What the last try came to; as problem().
-  std::vector<Subscription> wanted;              ///< What is subscribed to,
+  std::list<Subscription> wanted;                ///< What is subscribed to,
   std::vector<natsSubscription*> subscriptions;  ///< and how, over the handle.
-  bool lost = false;                             ///< The handle.
+  natsConnection* lost = nullptr;                ///< Whose end was told last.
   int dispatching = 0;  ///< Subscriptions whose last message may not have been handled.
+  bool kept = false;    ///< For ever: the library was not done with a handle in time.
 
   [[nodiscard]] std::shared_ptr<natsConnection> current() {
     const std::lock_guard lock(mutex);
@@ -98,20 +99,18 @@ struct Connection::State {
         problem, [](char c) { return c < ' ' || c > '~'; }, ' ');
   }
 
-  static void on_closed(natsConnection*, void* closure) {
-    const std::unique_ptr<std::shared_ptr<State>> last(
-        static_cast<std::shared_ptr<State>*>(closure));
-    const std::lock_guard lock((*last)->mutex);
-    (*last)->lost = true;
-    (*last)->changed.notify_all();
+  static void on_closed(natsConnection* connection, void* closure) {
+    auto& state = *static_cast<State*>(closure);
+    const std::lock_guard lock(state.mutex);
+    state.lost = connection;
+    state.changed.notify_all();
   }
   static void on_error(natsConnection* connection, natsSubscription*, natsStatus status,
                        void* closure) {
     const char* last = nullptr;
     const bool none = natsConnection_GetLastError(connection, &last) == NATS_OK || last == nullptr;
-    (*static_cast<std::shared_ptr<State>*>(closure))
-        ->note(
-            fmt::format("{}{}{}", natsStatus_GetText(status), none ? "" : ": ", none ? "" : last));
+    static_cast<State*>(closure)->note(
+        fmt::format("{}{}{}", natsStatus_GetText(status), none ? "" : ": ", none ? "" : last));
   }
   static void on_message(natsConnection*, natsSubscription*, natsMsg* raw, void* closure) {
     const MessagePtr message(raw);
@@ -125,15 +124,15 @@ struct Connection::State {
     }
   }
   static void on_complete(void* closure) {
-    const std::unique_ptr<Subscription> last(static_cast<Subscription*>(closure));
-    const std::lock_guard lock(last->state->mutex);
-    --last->state->dispatching;
-    last->state->changed.notify_all();
+    auto& state = *static_cast<Subscription*>(closure)->state;
+    const std::lock_guard lock(state.mutex);
+    --state.dispatching;
+    state.changed.notify_all();
   }
 
-  static void keep_open(const std::stop_token& stop, const std::shared_ptr<State>& state);
-  static void subscribe(const std::shared_ptr<State>& state, const Subscription& wanted);
-  void open(const std::shared_ptr<State>& self);
+  void keep_open(const std::stop_token& stop);
+  void subscribe(Subscription& to);
+  void open();
   void close();
 };
 
@@ -184,44 +183,37 @@ Options make_options(const ConnectionOptions& options) {
 }  // namespace
 
 /// @throws Error{kEnvironment} if there is no server, or it refuses.
-void Connection::State::open(const std::shared_ptr<State>& self) {
+void Connection::State::open() {
   const Options made = make_options(options);
-  auto closure = std::make_unique<std::shared_ptr<State>>(self);
-  throw_unless(natsOptions_SetClosedCB(made.get(), &State::on_closed, closure.get()), "libnats: ");
-  throw_unless(natsOptions_SetErrorHandler(made.get(), &State::on_error, closure.get()),
-               "libnats: ");
+  throw_unless(natsOptions_SetClosedCB(made.get(), &State::on_closed, this), "libnats: ");
+  throw_unless(natsOptions_SetErrorHandler(made.get(), &State::on_error, this), "libnats: ");
   natsConnection* connection = nullptr;
   {
     const std::lock_guard lock(mutex);
-    lost = false;
+    lost = nullptr;
   }
   throw_unless(natsConnection_Connect(&connection, made.get()), "");
-  static_cast<void>(closure.release());  // on_closed deletes it
   if (const std::int64_t most = natsConnection_GetMaxPayload(connection); most > 0) {
     most_payload = static_cast<std::size_t>(most);
   }
   const std::lock_guard lock(mutex);
   handle.reset(connection, natsConnection_Destroy);
-  for (const Subscription& each : wanted) subscribe(self, each);
+  for (Subscription& each : wanted) subscribe(each);
   why_down.clear();
   up = true;
 }
 
 /// With the lock.
-void Connection::State::subscribe(const std::shared_ptr<State>& state, const Subscription& wanted) {
-  auto subscription = std::make_unique<Subscription>(wanted);
-  subscription->state = state;
+void Connection::State::subscribe(Subscription& to) {
   const auto set = [&](natsStatus status) {
-    throw_unless(status, "subscription to " + wanted.subject + ": ");
+    throw_unless(status, "subscription to " + to.subject + ": ");
   };
   natsSubscription* made = nullptr;
-  set(natsConnection_Subscribe(&made, state->handle.get(), wanted.subject.c_str(),
-                               &State::on_message, subscription.get()));
-  set(natsSubscription_SetPendingLimits(made, -1, static_cast<int>(wanted.most_bytes)));
-  set(natsSubscription_SetOnCompleteCB(made, &State::on_complete, subscription.get()));
-  static_cast<void>(subscription.release());  // on_complete deletes it
-  ++state->dispatching;
-  state->subscriptions.push_back(made);
+  set(natsConnection_Subscribe(&made, handle.get(), to.subject.c_str(), &State::on_message, &to));
+  set(natsSubscription_SetPendingLimits(made, -1, static_cast<int>(to.most_bytes)));
+  set(natsSubscription_SetOnCompleteCB(made, &State::on_complete, &to));
+  ++dispatching;
+  subscriptions.push_back(made);
 }
 
 /// Nothing is heard of the handle after that, unless the library takes longer than kEnd: then what
@@ -231,55 +223,54 @@ void Connection::State::close() {
   if (old == nullptr) return;
   natsConnection_Close(old.get());
   std::unique_lock lock(mutex);
-  if (changed.wait_for(lock, kEnd, [&] { return lost && dispatching == 0; })) {
+  if (changed.wait_for(lock, kEnd, [&] { return lost == old.get() && dispatching == 0; })) {
     for (natsSubscription* const each : subscriptions) natsSubscription_Destroy(each);
   } else {
     static_cast<void>(new std::shared_ptr<natsConnection>(old));
+    kept = true;
   }
-  dispatching = 0;
   subscriptions.clear();
   handle.reset();
 }
 
-void Connection::State::keep_open(const std::stop_token& stop,
-                                  const std::shared_ptr<State>& state) {
+void Connection::State::keep_open(const std::stop_token& stop) {
   name_thread("pirt-link");
   std::minstd_rand random(std::random_device{}());
   while (!stop.stop_requested()) {
     try {
-      state->open(state);
-      state->changed.notify_all();
-      if (state->listener) state->listener(true);
-      std::unique_lock lock(state->mutex);
-      state->changed.wait(lock, stop, [&] { return state->lost; });
-      state->up = false;
+      open();
+      changed.notify_all();
+      if (listener) listener(true);
+      std::unique_lock lock(mutex);
+      changed.wait(lock, stop, [&] { return lost == handle.get(); });
+      up = false;
       lock.unlock();
-      if (state->listener) state->listener(false);
+      if (listener) listener(false);
     } catch (const std::exception& error) {
-      const std::lock_guard lock(state->mutex);
-      state->up = false;
-      state->why_down = error.what();
+      const std::lock_guard lock(mutex);
+      up = false;
+      why_down = error.what();
     }
-    state->close();
+    close();
     // Not all robots at once.
     const double jitter = std::uniform_real_distribution<double>(1, 2)(random);
-    std::unique_lock lock(state->mutex);
-    state->changed.wait_for(lock, stop, scaled(state->options.reconnect_wait, jitter),
-                            [] { return false; });
+    std::unique_lock lock(mutex);
+    changed.wait_for(lock, stop, scaled(options.reconnect_wait, jitter), [] { return false; });
   }
 }
 
 Connection::Connection(const ConnectionOptions& options, Listener listener)
-    : state_(std::make_shared<State>()) {
+    : state_(std::make_unique<State>()) {
   check_connection(options);
   state_->options = options;
   state_->listener = std::move(listener);
-  keeper_ = start_thread(
-      [state = state_](const std::stop_token& stop) { State::keep_open(stop, state); });
+  keeper_ = start_thread([this](const std::stop_token& stop) { state_->keep_open(stop); });
 }
 
 Connection::~Connection() {
-  keeper_ = {};  // Asks it to stop, and waits.
+  keeper_ = {};     // Asks it to stop, and waits.
+  state_->close();  // Where it had ended early.
+  if (state_->kept) static_cast<void>(state_.release());
 }
 
 bool Connection::wait_until_up(Nanos most) {
@@ -331,8 +322,8 @@ std::string Connection::why_no_chunks() const {
 
 void Connection::subscribe(const std::string& subject, Handler handler, std::int64_t most_bytes) {
   const std::lock_guard lock(state_->mutex);
-  state_->wanted.push_back({subject, std::move(handler), most_bytes});
-  if (state_->up) State::subscribe(state_, state_->wanted.back());
+  state_->wanted.push_back({state_.get(), subject, std::move(handler), most_bytes});
+  if (state_->up) state_->subscribe(state_->wanted.back());
 }
 
 bool Connection::publish(const std::string& subject, ByteView data) {

@@ -2,7 +2,8 @@
 // only file that knows libnats.
 //
 // Handlers are called from the library's threads, and must not block for long: what is thrown there
-// is said as a problem. Nothing is heard of any once the destructor has returned.
+// is said as a problem. Nothing is heard of any once the destructor has returned,
+// unless one takes longer than 5 s.
 #pragma once
 
 #include <algorithm>
@@ -108,7 +109,7 @@ class Connection {
 
  private:
   struct State;
-  std::shared_ptr<State> state_;
+  std::unique_ptr<State> state_;
   std::jthread keeper_;  ///< Makes another one where the library has given it up.
 };
 

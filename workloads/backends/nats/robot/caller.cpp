@@ -5,12 +5,18 @@
 #include <algorithm>
 #include <utility>
 
+#include "workloads/backends/nats/wire/subjects.h"
+
 namespace pirt::cloud {
 namespace {
 
 constexpr std::size_t kMostWorkers = 1024;
 // Calls of a kind that its 95th of 100 follows from.
 constexpr std::size_t kFewCalls = 20, kManyCalls = 100;
+/// A message that no measurement of the bandwidth follows from.
+constexpr std::size_t kSmall = 64 << 10;
+/// Of what is measured, in what is known from before.
+constexpr double kNew = 0.25;
 
 /// As what @p known_by says, where the name alone does not.
 bool knows(const HelloMessage& worker, const std::string& workload,
@@ -21,6 +27,14 @@ bool knows(const HelloMessage& worker, const std::string& workload,
 }
 
 }  // namespace
+
+Caller::Caller(std::string robot, std::uint64_t run, const CallerLimits& limits, Say say, Tell tell)
+    : robot_(std::move(robot)),
+      run_(run),
+      limits_(limits),
+      say_(std::move(say)),
+      tell_(std::move(tell)),
+      random_(static_cast<std::uint32_t>(run)) {}
 
 void Caller::submit(Submission submission, Nanos now) {
   ++counts_.submitted;
@@ -69,7 +83,7 @@ void Caller::claimed(std::uint64_t worker, Nanos now) {
     const auto has = std::ranges::find(entry.given, worker, &Given::worker);
     if (has == entry.given.end()) return give(entry, worker, now);
   }
-  events_.give_nothing(worker);
+  say_(task_subject(robot_, worker), encode(OfferMessage{run_, 0}));
 }
 
 /// A task goes to a worker that knows its workload, if there is one.
@@ -92,7 +106,10 @@ void Caller::give(Entry& entry, std::uint64_t worker, Nanos now) {
   task.send = entry.sends;
   task.waiting = waiting(now);
   if (entry.deadline) task.time_left = std::max(*entry.deadline - now, Nanos::zero());
-  events_.give(entry.submission, worker);
+  Bytes message = encode(task);
+  entry.given_at = now;
+  entry.given_bytes = message.size();
+  say_(task_subject(robot_, worker), std::move(message));
 }
 
 void Caller::replied(ReplyMessage reply, Nanos now) {
@@ -103,8 +120,8 @@ void Caller::replied(ReplyMessage reply, Nanos now) {
   }
   Entry& entry = at->second;
   if (!std::exchange(entry.taken, true)) {
-    events_.taken(entry.submission);
-    events_.tell(entry.submission.taken);
+    if (entry.given_bytes > 0) measure(now - entry.given_at, entry.given_bytes);
+    tell(entry.submission.taken);
   }
   const auto given = std::ranges::find(entry.given, reply.send, &Given::send);
   if (reply.kind == ReplyKind::kDone) {  // Of whatever send: it is what was asked for.
@@ -134,7 +151,7 @@ void Caller::replied(ReplyMessage reply, Nanos now) {
     case ReplyKind::kMissing:
       if (entry.sends >= limits_.most_sends) return failed(at, problem, now);
       entry.offered_at.reset();
-      return events_.tell(entry.submission.missing);
+      return tell(entry.submission.missing);
     case ReplyKind::kFailedTry:
       ++entry.tries;
       [[fallthrough]];
@@ -237,7 +254,7 @@ std::uint32_t Caller::waiting(Nanos now) const {
 void Caller::offer(Nanos now) {
   offered_ = now;
   const std::uint32_t count = waiting(now);
-  if (linked_ && count > 0) events_.offer(count);
+  if (linked_ && count > 0) say_(subject("offer", robot_), encode(OfferMessage{run_, count}));
 }
 
 std::optional<Nanos> Caller::hedged_after(const Digest& spec) const {
@@ -259,8 +276,28 @@ void Caller::end(Entries::iterator at, ReplyMessage how) {
       at->second.given, [&](const Given& each) { return !done || each.send != how.send; });
   const auto ended = std::move(at->second.submission.ended);
   entries_.erase(at);
-  if (others && linked_) events_.withdraw(how.task);
-  if (ended) events_.tell([ended, how = std::move(how)]() mutable { ended(std::move(how)); });
+  // Whoever has it may let go of it.
+  if (others && linked_) say_(subject("cancel", robot_), encode(CancelMessage{how.task}));
+  if (ended) tell_([ended, how = std::move(how)]() mutable { ended(std::move(how)); });
+}
+
+void Caller::measure(Nanos took, std::size_t bytes) {
+  if (bytes < kSmall) {
+    const Nanos known = estimate_.round_trip.value_or(took);
+    estimate_.round_trip = known + scaled(took - known, kNew);
+    return;
+  }
+  const Nanos moving = took - estimate_.round_trip.value_or(Nanos::zero());
+  if (moving <= Nanos::zero()) return;
+  const double rate = static_cast<double>(bytes) / to_s(moving);
+  const double known = estimate_.bytes_per_s.value_or(rate);
+  estimate_.bytes_per_s = known + kNew * (rate - known);
+}
+
+LinkEstimate Caller::estimate() const {
+  LinkEstimate estimate = estimate_;
+  estimate.late_replies = counts_.late;
+  return estimate;
 }
 
 bool Caller::is_up(Nanos now) const {

@@ -1,8 +1,8 @@
 // The robot's side: which task is given to which worker, again, or no more. A pure state machine.
 //
-// No thread, no clock, no connection: every call is an input with its time, and says through
-// CallerEvents what is to be done. The same inputs give the same answers, whether a server or a
-// simulation drives it. A task's end is told once. One caller at a time.
+// No thread, no clock, no connection: every call is an input with its time, and hands out what is
+// to be said to workers, and what somebody is to be told. The same inputs give the same answers,
+// whether a server or a simulation drives it. A task's end is told once. One caller at a time.
 //
 // A task waits here until a worker claims one. It waits again, a little later, where the worker
 // gave it back, was not heard of any more, or failed: threw, died with it, or let it run over its
@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "workloads/backends/nats/wire/tensors.h"
+#include "workloads/model/remote.h"
 
 namespace pirt::cloud {
 
@@ -41,30 +42,11 @@ struct Submission {
   /// Whole, but for its numbers; its time counts from now.
   TaskMessage task = {};
   std::optional<Digest> known_by = {};  ///< As of Kind: whose name alone does not say what it is.
-  // As CallerEvents::tell; may be empty.
+  // Called as Caller::Tell does; may be empty.
   std::function<void()> taken = {};    ///< By a worker; once.
   std::function<void()> missing = {};  ///< On the stream: what it says is there. Then ready().
   /// In any case, and once: a worker's reply, or nothing but the problem, in one line.
   std::function<void(ReplyMessage)> ended = {};
-  // Whoever gave it to a worker last says when that was, and in how many bytes.
-  Nanos given_at{0};
-  std::size_t given_bytes = 0;
-};
-
-/// What is to be done.
-class CallerEvents {
- public:
-  virtual ~CallerEvents() = default;
-  virtual void offer(std::uint32_t waiting) = 0;
-  /// @param task  Its numbers and its time are those that the worker is to hear.
-  virtual void give(Submission& task, std::uint64_t worker) = 0;
-  virtual void give_nothing(std::uint64_t worker) = 0;
-  /// The first that was heard of it since it was given to a worker.
-  virtual void taken(const Submission& task) = 0;
-  /// Whoever has it may let go of it.
-  virtual void withdraw(const TaskId& task) = 0;
-  /// To be called, if it is not empty.
-  virtual void tell(std::function<void()> what) = 0;
 };
 
 struct CallerCounts {
@@ -80,8 +62,13 @@ struct CallerCounts {
 
 class Caller {
  public:
-  Caller(CallerEvents& events, const CallerLimits& limits, std::uint64_t seed)
-      : events_(events), limits_(limits), random_(static_cast<std::uint32_t>(seed)) {}
+  /// A message, and the subject that it is for.
+  using Say = std::function<void(std::string subject, Bytes message)>;
+  /// What is to be called, there or once the Caller has returned.
+  using Tell = std::function<void(std::function<void()>)>;
+
+  /// @param robot  Whose program's @p run it is, a random number.
+  Caller(std::string robot, std::uint64_t run, const CallerLimits& limits, Say say, Tell tell);
 
   void submit(Submission submission, Nanos now);
   /// Nothing more is heard of it but its end.
@@ -100,6 +87,10 @@ class Caller {
   [[nodiscard]] Nanos next_wake() const;
 
   [[nodiscard]] const CallerCounts& counts() const { return counts_; }
+  /// Round trip of a small task to a worker; bandwidth to the server.
+  [[nodiscard]] LinkEstimate estimate() const;
+  /// So many bytes have got there.
+  void measure(Nanos took, std::size_t bytes);
   [[nodiscard]] std::size_t live() const { return entries_.size(); }
   /// Whether a task that is submitted now gets to a worker.
   [[nodiscard]] bool is_up(Nanos now) const;
@@ -122,6 +113,8 @@ class Caller {
     std::optional<Nanos> offered_at = {};  ///< Waits for a worker from then on.
     std::optional<Nanos> deadline = {}, hedge_at = {};
     std::vector<Given> given = {};
+    Nanos given_at{0};  ///< To a worker, the last time, in so many bytes.
+    std::size_t given_bytes = 0;
     std::uint32_t sends = 0, tries = 0;
     bool taken = false;
   };
@@ -143,11 +136,17 @@ class Caller {
   void failed(Entries::iterator at, const std::string& problem, Nanos now);
   void look(Entries::iterator at, Nanos now);
   void end(Entries::iterator at, ReplyMessage how);
+  void tell(const std::function<void()>& what) const {
+    if (what) tell_(what);
+  }
   [[nodiscard]] std::optional<Nanos> hedged_after(const Digest& spec) const;
   [[nodiscard]] Nanos due(const Entry& entry) const;
 
-  CallerEvents& events_;
+  std::string robot_;
+  std::uint64_t run_;
   CallerLimits limits_;
+  Say say_;
+  Tell tell_;
   std::minstd_rand random_;
   Entries entries_;
   bool linked_ = false;
@@ -155,6 +154,7 @@ class Caller {
   Nanos offered_{-1};                         ///< When tasks were offered last.
   std::map<Digest, std::deque<Nanos>> took_;  ///< The last calls of each spec.
   CallerCounts counts_;
+  LinkEstimate estimate_;
 };
 
 }  // namespace pirt::cloud

@@ -17,10 +17,6 @@ constexpr Nanos kAskAgain = std::chrono::seconds(1);
 constexpr Nanos kLongestWait = std::chrono::hours(1);
 constexpr std::size_t kMostHello = 64 << 10;  ///< Of it 1024 are kept.
 constexpr std::size_t kMostReply = std::numeric_limits<std::size_t>::max();  ///< With its outputs.
-/// A message that no measurement of the bandwidth follows from.
-constexpr std::size_t kSmall = 64 << 10;
-/// Of what is measured, in what is known from before.
-constexpr double kNew = 0.25;
 
 }  // namespace
 
@@ -63,7 +59,13 @@ void RobotLink::subscribe(const std::string& subject, std::size_t most_bytes, St
 }
 
 RobotLink::RobotLink(const RobotOptions& options)
-    : options_(options), caller_(*this, options.limits, run_) {
+    : options_(options),
+      caller_(
+          options.robot, run_, options.limits,
+          [this](std::string to, Bytes message) {
+            said_.emplace_back(std::move(to), std::move(message));
+          },
+          [this](std::function<void()> what) { told_.push_back(std::move(what)); }) {
   check_robot_name(options_.robot);
   options_.connection.name = "pirt robot " + options_.robot;
   options_.connection.inbox = "_INBOX_" + options_.robot;
@@ -159,55 +161,6 @@ void RobotLink::ready(const TaskId& task) {
   with_caller([&](Nanos now) { caller_.ready(task, now); });
 }
 
-void RobotLink::offer(std::uint32_t waiting) {
-  said_.emplace_back(subject("offer", options_.robot), encode(OfferMessage{run_, waiting}));
-}
-
-void RobotLink::give_nothing(std::uint64_t worker) {
-  said_.emplace_back(task_subject(options_.robot, worker), encode(OfferMessage{run_, 0}));
-}
-
-void RobotLink::give(Submission& task, std::uint64_t worker) {
-  Bytes frame = encode(task.task);
-  task.given_at = clock_.now();
-  task.given_bytes = frame.size();
-  said_.emplace_back(task_subject(options_.robot, worker), std::move(frame));
-}
-
-void RobotLink::taken(const Submission& task) {
-  if (task.given_bytes == 0) return;
-  tell([this, took = clock_.now() - task.given_at, bytes = task.given_bytes] {
-    measure(took, bytes);
-  });
-}
-
-void RobotLink::withdraw(const TaskId& task) {
-  said_.emplace_back(subject("cancel", options_.robot), encode(CancelMessage{task}));
-}
-
-void RobotLink::tell(std::function<void()> what) {
-  if (what) told_.push_back(std::move(what));
-}
-
-void RobotLink::measure(Nanos took, std::size_t bytes) {
-  const std::lock_guard lock(mutex_);
-  if (bytes < kSmall) {
-    const Nanos known = estimate_.round_trip.value_or(took);
-    estimate_.round_trip = known + scaled(took - known, kNew);
-    return;
-  }
-  const Nanos moving = took - estimate_.round_trip.value_or(Nanos::zero());
-  if (moving <= Nanos::zero()) return;
-  const double rate = static_cast<double>(bytes) / to_s(moving);
-  const double known = estimate_.bytes_per_s.value_or(rate);
-  estimate_.bytes_per_s = known + kNew * (rate - known);
-}
-
-bool RobotLink::is_up() const {
-  const std::lock_guard lock(mutex_);
-  return caller_.is_up(clock_.now());
-}
-
 bool RobotLink::wait_until_up(Nanos most) {
   std::unique_lock lock(mutex_);
   return changed_.wait_for(lock, most, [this] { return caller_.is_up(clock_.now()); });
@@ -234,24 +187,6 @@ std::string RobotLink::why_too_large(const std::string& what, std::uint64_t byte
       "{} has {} MB to send, and robot {} may have {} MB on the server; give it more (pirt "
       "cloud-admin setup --robot-mb)",
       what, bytes >> 20, options_.robot, stream_bytes_ >> 20);
-}
-
-LinkEstimate RobotLink::estimate() const {
-  const std::lock_guard lock(mutex_);
-  LinkEstimate estimate = estimate_;
-  estimate.late_replies = caller_.counts().late;
-  return estimate;
-}
-
-CallerCounts RobotLink::counts() const {
-  const std::lock_guard lock(mutex_);
-  return caller_.counts();
-}
-
-std::string RobotLink::why_not(const Workload& workload) const {
-  const Kind kind = kind_of(workload);
-  const std::lock_guard lock(mutex_);
-  return caller_.why_not(kind);
 }
 
 }  // namespace pirt::cloud

@@ -13,12 +13,12 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "workloads/backends/nats/link/administration.h"
 #include "workloads/backends/nats/robot/caller.h"
-#include "workloads/model/remote.h"
 
 namespace pirt::cloud {
 
@@ -29,13 +29,13 @@ struct RobotOptions {
 };
 
 /// Any thread may call it.
-class RobotLink : private CallerEvents {
+class RobotLink {
  public:
   /// Returns at once, whether or not there is a server.
   /// @throws As Connection; Error{kBadInput} for a name that no robot may have.
   explicit RobotLink(const RobotOptions& options);
   /// Tasks are cancelled, as far as there is a link; their `ended` is not called.
-  ~RobotLink() override;
+  ~RobotLink();
   RobotLink(const RobotLink&) = delete;
   RobotLink& operator=(const RobotLink&) = delete;
 
@@ -47,31 +47,39 @@ class RobotLink : private CallerEvents {
   /// What was missing is there.
   void ready(const TaskId& task);
 
-  [[nodiscard]] bool is_up() const;
+  [[nodiscard]] bool is_up() const {
+    return locked([this] { return caller_.is_up(clock_.now()); });
+  }
   /// Until it is up, or @p most is over. @return  Whether it is.
   [[nodiscard]] bool wait_until_up(Nanos most);
   /// Why it is not up, in one line with the remedy; empty if it is.
   [[nodiscard]] std::string why_down() const;
   /// Why so many bytes of @p what cannot be on this robot's stream; empty if they can.
   [[nodiscard]] std::string why_too_large(const std::string& what, std::uint64_t bytes) const;
-  /// Round trip of a small task to a worker; bandwidth to the server.
-  [[nodiscard]] LinkEstimate estimate() const;
-  void measure(Nanos took, std::size_t bytes);
-  [[nodiscard]] CallerCounts counts() const;
+  /// As Caller has them.
+  [[nodiscard]] LinkEstimate estimate() const {
+    return locked([this] { return caller_.estimate(); });
+  }
+  void measure(Nanos took, std::size_t bytes) {
+    locked([&] { caller_.measure(took, bytes); });
+  }
+  [[nodiscard]] CallerCounts counts() const {
+    return locked([this] { return caller_.counts(); });
+  }
   /// As Caller::why_not.
-  [[nodiscard]] std::string why_not(const Workload& workload) const;
+  [[nodiscard]] std::string why_not(const Workload& workload) const {
+    return locked([this, kind = kind_of(workload)] { return caller_.why_not(kind); });
+  }
   [[nodiscard]] Connection& connection() { return *connection_; }
   [[nodiscard]] const std::string& robot() const { return options_.robot; }
 
  private:
-  // Of CallerEvents: what others have to hear is told, and said to them, once the lock is gone.
-  void offer(std::uint32_t waiting) override;
-  void give(Submission& task, std::uint64_t worker) override;
-  void give_nothing(std::uint64_t worker) override;
-  void taken(const Submission& task) override;
-  void withdraw(const TaskId& task) override;
-  void tell(std::function<void()> what) override;
-
+  template <typename Ask>
+  std::invoke_result_t<Ask> locked(Ask ask) const {
+    const std::lock_guard lock(mutex_);
+    return ask();
+  }
+  /// What others have to hear is said to them, and told, once the lock is gone.
   template <typename Step>
   void with_caller(Step step);
   void say_all();
@@ -93,7 +101,6 @@ class RobotLink : private CallerEvents {
   std::deque<std::pair<std::string, Bytes>> said_;  ///< Subjects and messages, not yet published.
   bool saying_ = false;                             ///< Some thread publishes them.
   Nanos ask_at_ = Nanos::max();                     ///< For the robot's stream.
-  LinkEstimate estimate_;
   std::int64_t stream_bytes_ = 0;  ///< That its stream may have; below 1 = any number.
   std::string no_stream_;          ///< Why there is none, with the remedy; empty = there is.
 

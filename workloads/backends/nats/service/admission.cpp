@@ -69,20 +69,16 @@ Decoded<std::shared_ptr<const Workload>> Admission::admit(const TaskMessage& tas
     return Decoded<std::shared_ptr<const Workload>>{std::nullopt, made->name + ": " + why};
   };
   // Of a user's own, one spec may be of several sizes.
-  const bool in_its_size =
-      task.sizes.empty() || own_operation(*made) == nullptr || task.sizes == kind_of(*made).sizes;
-  if (!in_its_size || task.spec != spec_digest(*made)) {
-    std::string_view others = "other sizes";
-    if (!task.sizes.empty()) {
-      auto sized = made_in(*made, task.sizes);
-      if (!sized.value) return refuse(sized.problem);
-      made = std::make_shared<const Workload>(*std::move(sized.value));
-      others = "other models";
-    }
-    if (task.spec != spec_digest(*made)) {
-      return {std::nullopt, fmt::format("{} is something else here: {}, or another version of pirt",
-                                        made->name, others)};
-    }
+  const bool as_it_is = own_operation(*made) == nullptr && task.spec == spec_digest(*made);
+  if (!as_it_is && !task.sizes.empty() && task.sizes != kind_of(*made).sizes) {
+    auto sized = made_in(*made, task.sizes);
+    if (!sized.value) return refuse(sized.problem);
+    made = std::make_shared<const Workload>(*std::move(sized.value));
+  }
+  if (task.spec != spec_digest(*made)) {
+    return {std::nullopt,
+            fmt::format("{} is something else here: {}, or another version of pirt", made->name,
+                        task.sizes.empty() ? "other sizes" : "other models")};
   }
   const Workload& workload = *made;
   if (const std::uint64_t needed = call_bytes(workload); needed > call_bytes_) {

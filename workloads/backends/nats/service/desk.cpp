@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <string_view>
 #include <tuple>
 #include <utility>
 
@@ -55,27 +56,25 @@ std::optional<Desk::Claim> Desk::claim(Nanos now) {
       1, std::ranges::count_if(
              robots_, [&](const auto& each) { return each.second.heard + limits_.active >= now; }));
   const auto share = (limits_.slots + active - 1) / active;
+  std::pair<const std::string, Robot>* robot = nullptr;
+  std::pair<const std::uint64_t, Run>* run = nullptr;
   // Of a robot's runs, the one that was asked longest ago.
-  const auto run_of = [&](Robot& robot) {
-    auto next = robot.runs.end();
-    for (auto at = robot.runs.begin(); at != robot.runs.end(); ++at) {
-      const bool waits = at->second.waiting > 0 && at->second.heard + limits_.offer >= now;
-      if (waits && (next == robot.runs.end() || at->second.asked < next->second.asked)) next = at;
-    }
-    return next;
+  const auto order = [](const auto& of, const auto& its) {
+    return std::tuple(of.second.slots, of.second.used, std::string_view(of.first),
+                      its.second.asked);
   };
-  std::pair<const std::string, Robot>* next = nullptr;
-  for (auto& each : robots_) {
-    if (each.second.slots >= share || run_of(each.second) == each.second.runs.end()) continue;
-    const auto order = [](const Robot& robot) { return std::tuple(robot.slots, robot.used); };
-    if (next == nullptr || order(each.second) < order(next->second)) next = &each;
+  for (auto& of : robots_) {
+    if (of.second.slots >= share) continue;
+    for (auto& its : of.second.runs) {
+      if (its.second.waiting == 0 || its.second.heard + limits_.offer < now) continue;
+      if (run == nullptr || order(of, its) < order(*robot, *run)) robot = &of, run = &its;
+    }
   }
-  if (next == nullptr) return std::nullopt;
-  auto& [run, state] = *run_of(next->second);
-  --state.waiting;
-  state.asked = now;
-  ++next->second.slots;
-  asked_.push_back({{next->first, run}, now});
+  if (run == nullptr) return std::nullopt;
+  --run->second.waiting;
+  run->second.asked = now;
+  ++robot->second.slots;
+  asked_.push_back({{robot->first, run->first}, now});
   return asked_.back().claim;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <list>
 #include <map>
+#include <optional>
 #include <tuple>
 #include <utility>
 
@@ -28,25 +29,25 @@ class DeviceComputer : public Computer {
     auto inputs = decode_tensors(call.task.inputs.bytes, call.workload->inputs);
     if (!inputs.value) return refusal(call, inputs.problem);
     const std::uint64_t before = held_bytes();
-    ReplyMessage reply;
-    const auto at = prepared(call, reply);
-    if (at == entries_.end()) return reply;
+    if (auto refused = prepare(call)) return *std::move(refused);
+    Entry& entry = entries_.front();
     std::vector<Tensor> outputs = make_tensors(call.workload->outputs);
+    ReplyMessage reply;
     try {
       const Nanos begin = clock_.now();
-      at->kernel->bind(*inputs.value, outputs);
-      at->kernel->upload();
-      static_cast<void>(at->kernel->execute(1));
-      at->kernel->download();
-      at->kernel->unbind();
+      entry.kernel->bind(*inputs.value, outputs);
+      entry.kernel->upload();
+      static_cast<void>(entry.kernel->execute(1));
+      entry.kernel->download();
+      entry.kernel->unbind();
       reply.execute = clock_.now() - begin;
     } catch (...) {
-      entries_.erase(at);  // Nobody knows what it refers to.
+      entries_.pop_front();  // Nobody knows what it refers to.
       throw;
     }
     const std::uint64_t call_bytes = encoded_bytes(call.workload->outputs), now = held_bytes();
     if (now > before + call_bytes) {
-      at->bytes = std::max(at->bytes, now - before - call_bytes);
+      entry.bytes = std::max(entry.bytes, now - before - call_bytes);
     }
     reply.outputs.bytes = encode_tensors(outputs);
     inputs.value->clear();
@@ -67,39 +68,33 @@ class DeviceComputer : public Computer {
     std::vector<Tensor> parameters;  ///< As long as the kernel, which may read them.
     std::unique_ptr<Kernel> kernel;
   };
-  using Entries = std::list<Entry>;
 
   static ReplyMessage refusal(const Call& call, const std::string& why) {
     return {.kind = ReplyKind::kRefused, .problem = call.workload->name + ": " + why};
   }
 
-  /// @return  The end where there are no parameters, or wrong ones: the reply says so.
-  Entries::iterator prepared(const Call& call, ReplyMessage& reply) {
+  /// The call's entry is the first one then.
+  /// @return  That there are no parameters, or wrong ones; none = it is.
+  std::optional<ReplyMessage> prepare(const Call& call) {
     Key key{call.task.workload, call.task.sizes, call.task.spec, {}};
     if (call.task.parameters) std::get<3>(key) = call.task.parameters->digest;
     const auto known = std::ranges::find(entries_, key, &Entry::key);
     if (known != entries_.end()) {
       entries_.splice(entries_.begin(), entries_, known);
-      return entries_.begin();
+      return std::nullopt;
     }
     Entry made{key, call.robot, 0, call.workload, {}, nullptr};
     if (call.task.parameters) {
-      if (call.parameters.empty()) {
-        reply.kind = ReplyKind::kMissing;
-        return entries_.end();
-      }
+      if (call.parameters.empty()) return ReplyMessage{.kind = ReplyKind::kMissing};
       auto decoded = decode_tensors(call.parameters, call.workload->parameters);
-      if (!decoded.value) {
-        reply = refusal(call, "parameters: " + decoded.problem);
-        return entries_.end();
-      }
+      if (!decoded.value) return refusal(call, "parameters: " + decoded.problem);
       made.parameters = std::move(*decoded.value);
     }
     made.bytes = encoded_bytes(call.workload->inputs) + encoded_bytes(call.workload->parameters) +
                  encoded_bytes(call.workload->outputs);
     made.kernel = device_->prepare(*made.workload, made.parameters);
     entries_.push_front(std::move(made));
-    return entries_.begin();
+    return std::nullopt;
   }
 
   /// A kernel may hold what its tensors do not show, and memory that is none of this heap's: the
@@ -137,7 +132,8 @@ class DeviceComputer : public Computer {
   MachineClock clock_;
   std::unique_ptr<Device> device_;
   std::uint64_t empty_bytes_;
-  Entries entries_;  ///< The one that was used last is the first. Kernels go before their device.
+  /// The one that was used last is the first. Kernels go before their device.
+  std::list<Entry> entries_;
 };
 
 }  // namespace

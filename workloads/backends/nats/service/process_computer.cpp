@@ -13,7 +13,6 @@
 #include <utility>
 
 #include "workloads/backends/nats/service/computer.h"
-#include "workloads/base/error.h"
 #include "workloads/base/system/child.h"
 #include "workloads/base/system/file_descriptor.h"
 
@@ -99,13 +98,11 @@ class ProcessComputer : public Computer {
     try {
       if (auto reply = exchange(line, call)) return *std::move(reply);
     } catch (...) {  // What it was in the middle of would be taken for the next call's.
-      ::kill(process_, SIGKILL);
-      static_cast<void>(end());
+      static_cast<void>(end(true));
       throw;
     }
     const bool over = clock_.now() >= until;
-    if (over) ::kill(process_, SIGKILL);
-    const std::string how = end();
+    const std::string how = end(over);
     if (over && ends) return later("the worker ends");
     throw ProcessGone(over ? fmt::format("it was over its limit of {:.3g} s (pirt cloud-worker "
                                          "--call-limit, --profile): its process was killed",
@@ -135,17 +132,13 @@ class ProcessComputer : public Computer {
   /// @return  Why it does not; empty = it does.
   std::string start(const Call& call) {
     constexpr Nanos kStart = std::chrono::seconds(60), kAgain = std::chrono::seconds(1);
-    std::string how;
-    try {
-      start();
+    std::string how = spawn();
+    if (how.empty()) {
       const Nanos until = clock_.now() + kStart;
       Bytes none;
       const Line line(line_.get(), [&] { return !call.stop() && clock_.now() < until; });
       if (line.get(none, 0)) return "";
-      ::kill(process_, SIGKILL);
-      how = "its process " + end();
-    } catch (const Error& error) {
-      how = error.what();
+      how = "its process " + end(true);
     }
     // It would be claimed again at once.
     for (const Nanos next = clock_.now() + kAgain; !call.stop() && clock_.now() < next;) {
@@ -154,13 +147,14 @@ class ProcessComputer : public Computer {
     return how;
   }
 
-  void start() {
+  /// @return  Why there is no process; empty = there is.
+  std::string spawn() {
     std::vector<char*> raw = {program_.program.data()};
     for (std::string& each : program_.arguments) raw.push_back(each.data());
     raw.push_back(nullptr);
     int ends[2];
     if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) {
-      throw_environment(fmt::format("no line to a process: {}", std::strerror(errno)));
+      return fmt::format("no line to a process: {}", std::strerror(errno));
     }
     line_ = FileDescriptor(ends[0]);
     const FileDescriptor theirs(ends[1]);
@@ -179,12 +173,14 @@ class ProcessComputer : public Computer {
       ::_exit(127);
     }
     if (process_ < 0) {
-      throw_environment(fmt::format("no process could be started: {}", std::strerror(errno)));
+      return fmt::format("no process could be started: {}", std::strerror(errno));
     }
+    return "";
   }
 
-  /// One that does not end with its line is killed. @return  How it ended.
-  std::string end() {
+  /// Kills it, if it does not end with its line, or at once. @return  How it ended.
+  std::string end(bool at_once = false) {
+    if (at_once && process_ > 0) ::kill(process_, SIGKILL);
     line_.close();
     if (process_ <= 0) return "is not there";
     int status = 0;

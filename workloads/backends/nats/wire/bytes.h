@@ -5,7 +5,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <cstring>
+#include <concepts>
 #include <string_view>
 #include <type_traits>
 #include <utility>
@@ -18,6 +18,14 @@ inline constexpr std::size_t kMostText = 1024;
 inline constexpr std::size_t kMostList = 4096;
 /// No task takes or waits longer: what follows from sums of a few is in range.
 inline constexpr Nanos kLongest = std::chrono::hours(24 * 366);
+
+/// What travels as it lies in memory; tensors.cpp asserts the order.
+template <typename T>
+concept Plain =
+    std::is_integral_v<T> || std::is_enum_v<T> || std::same_as<T, Nanos> || std::same_as<T, Digest>;
+/// What has fields().
+template <typename T>
+concept Message = std::is_class_v<T> && !Plain<T>;
 
 class Writer {
  public:
@@ -34,21 +42,15 @@ class Writer {
   [[nodiscard]] Bytes take() { return std::move(bytes_); }
 
  private:
-  template <typename T>
-  requires std::is_integral_v<T>
-  void value(T number) {
-    raw(std::as_bytes(std::span(&number, 1)));  // tensors.cpp asserts the order
+  template <Plain T>
+  void value(const T& plain) {
+    raw(std::as_bytes(std::span(&plain, 1)));
   }
-  template <typename T>
-  requires std::is_enum_v<T>
-  void value(T kind) { value(static_cast<std::underlying_type_t<T>>(kind)); }
   void value(const std::string& text) {
     const std::size_t size = std::min(text.size(), kMostText);
     value(static_cast<std::uint32_t>(size));
     raw(std::as_bytes(std::span(text)).first(size));
   }
-  void value(const Digest& digest) { raw(std::as_bytes(std::span(digest.bytes))); }
-  void value(Nanos time) { value(time.count()); }
   void value(const Blob& blob) { (*this)(blob.digest, blob.size_bytes, blob.chunk_bytes); }
   void value(const Bytes& bytes) {
     value(std::uint64_t{bytes.size()});
@@ -64,9 +66,10 @@ class Writer {
     value(static_cast<std::uint32_t>(list.size()));
     for (const T& each : list) value(each);
   }
-  template <typename T>
-  requires std::is_class_v<T>
-  void value(const T& message) { fields(*this, message); }
+  template <Message T>
+  void value(const T& message) {
+    fields(*this, message);
+  }
 
   Bytes bytes_;
 };
@@ -108,20 +111,19 @@ class Reader {
   }
 
  private:
-  template <typename T>
-  requires std::is_integral_v<T>
-  void value(T& number) {
-    const ByteView bytes = raw(sizeof(T), "a number");
-    if (!bytes.empty()) std::memcpy(&number, bytes.data(), sizeof number);
-  }
-  template <typename T>
-  requires std::is_enum_v<T>
-  void value(T& kind) {
-    const auto read = number<std::underlying_type_t<T>>();
-    if (read > static_cast<std::underlying_type_t<T>>(T::kLast)) {
-      return fail(fmt::format("unknown kind {}", read));
+  template <Plain T>
+  void value(T& plain) {
+    const ByteView bytes = raw(sizeof(T), std::same_as<T, Digest> ? "a digest" : "a number");
+    std::ranges::copy(bytes, std::as_writable_bytes(std::span(&plain, 1)).begin());
+    if constexpr (std::is_enum_v<T>) {
+      if (plain > T::kLast) {
+        fail(fmt::format("unknown kind {}", static_cast<std::underlying_type_t<T>>(plain)));
+      }
+    } else if constexpr (std::same_as<T, Nanos>) {
+      if (plain >= Nanos::zero() && plain <= kLongest) return;
+      fail("a duration that is negative, or of years");
+      plain = Nanos::zero();
     }
-    kind = static_cast<T>(read);
   }
   /// It may be shown on a terminal, and written into a document.
   void value(std::string& text) {
@@ -131,16 +133,6 @@ class Reader {
       const char c = static_cast<char>(byte);
       text += c >= ' ' && c <= '~' ? c : ' ';
     }
-  }
-  void value(Digest& digest) {
-    const ByteView bytes = raw(digest.bytes.size(), "a digest");
-    if (!bytes.empty()) std::memcpy(digest.bytes.data(), bytes.data(), bytes.size());
-  }
-  void value(Nanos& time) {
-    time = Nanos(number<std::int64_t>());
-    if (time >= Nanos::zero() && time <= kLongest) return;
-    fail("a duration that is negative, or of years");
-    time = Nanos::zero();
   }
   void value(Bytes& bytes) {
     const ByteView read = raw(number<std::uint64_t>(), "a payload");
@@ -165,9 +157,10 @@ class Reader {
       fail(fmt::format("a blob of {} bytes in chunks of {}", blob.size_bytes, blob.chunk_bytes));
     }
   }
-  template <typename T>
-  requires std::is_class_v<T>
-  void value(T& message) { fields(*this, message); }
+  template <Message T>
+  void value(T& message) {
+    fields(*this, message);
+  }
 
   ByteView left_;
   std::string problem_;

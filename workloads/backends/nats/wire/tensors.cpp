@@ -13,16 +13,8 @@
 #include "workloads/vision/vision.h"
 
 namespace pirt::cloud {
-namespace {
 
 static_assert(std::endian::native == std::endian::little, "tensors travel as they lie in memory");
-
-void add_specs(Writer& out, std::span<const TensorSpec> specs) {
-  out(static_cast<std::uint32_t>(specs.size()));
-  for (const TensorSpec& spec : specs) out(spec.element, spec.varies, spec.shape);
-}
-
-}  // namespace
 
 Bytes encode_tensors(std::span<const Tensor> tensors) {
   Writer out;
@@ -78,9 +70,10 @@ std::string decode_tensors_into(ByteView bytes, std::span<Tensor> tensors) {
 Digest spec_digest(const Workload& workload) {
   Writer out;
   out(workload.kernel, workload.variant, workload.precision, workload.batch);
-  add_specs(out, workload.inputs);
-  add_specs(out, workload.parameters);
-  add_specs(out, workload.outputs);
+  for (const auto* const specs : {&workload.inputs, &workload.parameters, &workload.outputs}) {
+    out(static_cast<std::uint32_t>(specs->size()));
+    for (const TensorSpec& spec : *specs) out(spec.element, spec.varies, spec.shape);
+  }
   if (const auto* const scene =
           dynamic_cast<const recognition::DescribeByModels*>(workload.operation.get())) {
     out(scene->fingerprint);
