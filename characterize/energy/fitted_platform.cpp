@@ -7,7 +7,7 @@
 namespace pirt {
 namespace {
 
-double value_of(const EnergyFit& fit, EnergyParameter parameter) {
+double parameter_value(const EnergyFit& fit, EnergyParameter parameter) {
   const auto it = std::ranges::find(fit.parameters, parameter, &FittedParameter::parameter);
   return it == fit.parameters.end() ? 0 : it->value;
 }
@@ -42,7 +42,7 @@ std::vector<YamlOverride> fitted_settings(std::span<const UnitFit> fits) {
   for (const UnitFit& each : fits) {
     if (!each.fit.refusal.empty()) continue;
     const auto value = [&each](EnergyParameter parameter) {
-      return fmt::format("{:.6g}", value_of(each.fit, parameter));
+      return fmt::format("{:.6g}", parameter_value(each.fit, parameter));
     };
     settings.push_back({each.unit + ".active_w", value(EnergyParameter::kActive)});
     if (each.idle_w)

@@ -67,7 +67,7 @@ class Meter {
 
 struct MeterDiscovery {
   std::vector<std::unique_ptr<Meter>> meters;  ///< Also those with a problem.
-  std::vector<std::string> missing;            ///< What is not there, or is no meter, and why.
+  std::vector<std::string> missing;            ///< What is not there or not known, and why.
 
   /// Null if there is none.
   [[nodiscard]] const Meter* find(std::string_view name) const;

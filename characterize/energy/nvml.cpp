@@ -114,7 +114,9 @@ std::shared_ptr<const Nvml> open_nvml(std::string& why) {
   find("nvmlDeviceGetTotalEnergyConsumption", nvml->energy_mj);
   find("nvmlDeviceGetPowerUsage", nvml->power_mw);
   find("nvmlDeviceGetMigMode", nvml->mig);
-  find("nvmlDeviceGetComputeRunningProcesses_v3", nvml->processes);
+  if (!find("nvmlDeviceGetComputeRunningProcesses_v3", nvml->processes)) {
+    find("nvmlDeviceGetComputeRunningProcesses_v2", nvml->processes);  // of the same layout
+  }
   find("nvmlDeviceGetMemoryInfo", nvml->memory);
   find("nvmlDeviceGetEccMode", nvml->ecc);
   find("nvmlDeviceGetEnforcedPowerLimit", nvml->limit_mw);
@@ -132,19 +134,20 @@ std::shared_ptr<const Nvml> open_nvml(std::string& why) {
   return nullptr;
 }
 
-/// Processes that compute on the board and are not this program's: neither this process nor the one
-/// that started it. In a container their numbers may be those outside; then one of them is this
-/// process, if it has a device open.
-int others_on(const Nvml& nvml, NvmlBoard board, bool device_open) {
-  if (nvml.processes == nullptr) return 0;
+/// Processes that compute on the board and are not this program's: neither this process nor, of one
+/// with a device open (a worker), the one that started it. In a container their numbers may be
+/// those outside; then one of them is this process, if it has a device open. Absent where the
+/// driver does not tell.
+std::optional<int> others_on(const Nvml& nvml, NvmlBoard board, bool device_open) {
+  if (nvml.processes == nullptr) return std::nullopt;
   std::array<NvmlProcess, 64> list{};
   auto count = static_cast<unsigned>(list.size());
   const NvmlStatus status = nvml.processes(board, &count, list.data());
   if (status == kNvmlInsufficientSize) return static_cast<int>(list.size());
-  if (status != kNvmlSuccess) return 0;
-  const auto is_own = [](const NvmlProcess& each) {
+  if (status != kNvmlSuccess) return std::nullopt;
+  const auto is_own = [device_open](const NvmlProcess& each) {
     const auto pid = static_cast<pid_t>(each.pid);
-    return pid == ::getpid() || pid == ::getppid();
+    return pid == ::getpid() || (device_open && pid == ::getppid());
   };
   const auto all = static_cast<int>(std::min<std::size_t>(count, list.size()));
   const auto own = static_cast<int>(std::count_if(list.begin(), list.begin() + all, is_own));
@@ -158,12 +161,11 @@ bool mig_is_on(const Nvml& nvml, NvmlBoard board) {
 }
 
 /// Why the board's joules are not those of this program's calls, or "".
-std::string not_ours(const Nvml& nvml, NvmlBoard board, bool device_open) {
+std::string not_ours(const Nvml& nvml, NvmlBoard board, int others) {
   if (mig_is_on(nvml, board)) {
     return "MIG is on, and the board does not tell its instances' joules apart; turn it off with "
            "nvidia-smi -mig 0";
   }
-  const int others = others_on(nvml, board, device_open);
   if (others == 0) return "";
   return fmt::format("{} other process{} on the board; end {} (nvidia-smi shows them)", others,
                      others == 1 ? " computes" : "es compute", others == 1 ? "it" : "them");
@@ -245,8 +247,13 @@ void add_board(const std::shared_ptr<const Nvml>& nvml, unsigned index, bool dev
   info.steps = *kind == MeterKind::kCounter;
   if (!info.steps) info.period = kNvmlPeriod;
   info.path = nvml_file() + " of board " + info.pci;
+  const auto others = others_on(*nvml, board, device_open);
+  if (!others && !mig_is_on(*nvml, board)) {
+    found.missing.push_back("NVML: the driver does not tell who else computes on board " +
+                            info.pci + ", whose joules would count as well");
+  }
   found.meters.push_back(std::make_unique<NvmlMeter>(std::move(info), nvml, board,
-                                                     not_ours(*nvml, board, device_open)));
+                                                     not_ours(*nvml, board, others.value_or(0))));
 }
 
 /// None with the reason in @p why.
@@ -259,15 +266,11 @@ unsigned count_boards(const Nvml* nvml, std::string& why) {
   return 0;
 }
 
-std::optional<unsigned> number_of_board(Nvml::Number ask, NvmlBoard board) {
+/// @param which  Of several, as the function takes it.
+template <typename Ask, typename... Which>
+std::optional<unsigned> number_of_board(Ask ask, NvmlBoard board, Which... which) {
   unsigned value = 0;
-  if (ask == nullptr || ask(board, &value) != kNvmlSuccess) return std::nullopt;
-  return value;
-}
-
-std::optional<unsigned> mhz_of(Nvml::Clock ask, NvmlBoard board, int type) {
-  unsigned value = 0;
-  if (ask == nullptr || ask(board, type, &value) != kNvmlSuccess) return std::nullopt;
+  if (ask == nullptr || ask(board, which..., &value) != kNvmlSuccess) return std::nullopt;
   return value;
 }
 
@@ -285,14 +288,14 @@ NvmlBoardFacts facts_of(const Nvml& nvml, NvmlBoard board) {
   facts.limit_w = watts(nvml.limit_mw);
   facts.default_limit_w = watts(nvml.default_limit_mw);
   constexpr int kGraphics = 0, kMemory = 2;
-  facts.core_mhz = mhz_of(nvml.set_mhz, board, kGraphics);
-  facts.default_core_mhz = mhz_of(nvml.default_mhz, board, kGraphics);
-  facts.memory_mhz = mhz_of(nvml.set_mhz, board, kMemory);
+  facts.core_mhz = number_of_board(nvml.set_mhz, board, kGraphics);
+  facts.default_core_mhz = number_of_board(nvml.default_mhz, board, kGraphics);
+  facts.memory_mhz = number_of_board(nvml.set_mhz, board, kMemory);
   unsigned ecc = 0;
   unsigned pending = 0;
   if (nvml.ecc != nullptr && nvml.ecc(board, &ecc, &pending) == kNvmlSuccess) facts.ecc = ecc != 0;
   facts.mig = mig_is_on(nvml, board);
-  facts.others = others_on(nvml, board, false);
+  facts.others = others_on(nvml, board, false).value_or(0);
   facts.link_generation = number_of_board(nvml.link_generation, board);
   facts.most_generation = number_of_board(nvml.most_generation, board);
   facts.link_width = number_of_board(nvml.link_width, board);

@@ -50,9 +50,9 @@ WindowEnergy count(const MeterInfo& meter, const MeterTrace& trace) {
   return {.energy_j = static_cast<double>(energy_uj) * kMicro, .reason = ""};
 }
 
-/// The counter's next value; the same one if there is none for kLongestStep.
-Attribute<std::int64_t> next_value(const Meter& meter, const Clock& clock) {
-  const auto first = meter.read();
+/// The counter's next value after @p first; the same one if there is none for kLongestStep.
+Attribute<std::int64_t> next_value(const Meter& meter, const Attribute<std::int64_t>& first,
+                                   const Clock& clock) {
   auto latest = first;
   const Nanos begin = clock.now();
   while (latest.value && latest.value == first.value && clock.now() - begin < kLongestStep) {
@@ -86,17 +86,18 @@ WindowEnergy integrate(const MeterInfo& meter, const MeterTrace& trace) {
   if (trace.readings.size() < 2) return failed(meter.path + ": fewer than two readings");
   const bool still = stands_still(trace.readings);
   const std::int64_t first = trace.readings.front().value;
-  if (still && (counter || first == 0)) return {.energy_j = std::nullopt, .reason = "meter_frozen"};
+  if (trace.stood_still || (still && (counter || first == 0)))
+    return {.energy_j = std::nullopt, .reason = "meter_frozen"};
   WindowEnergy energy = counter ? count(meter, trace) : add_trapezoids(trace);
   if (still) energy.constant_uw = first;
   return energy;
 }
 
 std::optional<Nanos> update_period(const Meter& meter, const Clock& clock) {
-  auto value = next_value(meter, clock);
+  auto value = next_value(meter, meter.read(), clock);
   const Nanos begin = clock.now();
   for (int i = 0; i < kStepsAPeriod; ++i) {
-    const auto next = next_value(meter, clock);
+    const auto next = next_value(meter, value, clock);
     if (!next.value || next.value == value.value) return std::nullopt;
     value = next;
   }
@@ -117,11 +118,13 @@ struct MeterRecorder::Impl {
 
   void read(std::size_t i) {
     const bool steps = meters[i]->info().steps;
-    const auto reading = steps ? next_value(*meters[i], clock) : meters[i]->read();
+    const auto first = meters[i]->read();
+    const auto reading = steps ? next_value(*meters[i], first, clock) : first;
     // Behind the read: what a sensor gives is never newer than that.
     const Nanos at = clock.now();
     if (reading.value) {
       traces[i].readings.push_back({at, *reading.value});
+      traces[i].stood_still |= steps && reading.value == first.value;
     } else {
       ++traces[i].failures;
       traces[i].last_error = reading.error;

@@ -24,6 +24,7 @@ struct MeterTrace {
   std::vector<MeterReading> readings;  ///< In order; those that failed are not among them.
   std::int64_t failures = 0;
   std::string last_error;
+  bool stood_still = false;  ///< A counter that steps, where its window begins or ends.
 };
 
 struct WindowEnergy {
@@ -38,11 +39,12 @@ struct WindowEnergy {
 /// meter's range added at each step back. Power: trapezoids between readings; the first and the
 /// last one stand for what is before and behind them.
 ///
-/// meter_frozen: a counter's readings are all the same, or a power sensor's all 0, so that the
-/// meter shows nothing. A power above 0 may well be constant for as long as the machine idles;
-/// whether the sensor moves at all only other windows tell. meter_error: fewer than two readings, a
-/// counter that could not be read at the window's begin or end, more than a tenth of a power
-/// sensor's readings failed, or a counter that went back without a known range.
+/// meter_frozen: a counter's readings are all the same, one that steps did not where its window
+/// begins or ends, or a power sensor's are all 0, so that the meter shows nothing. A power above 0
+/// may well be constant for as long as the machine idles; whether the sensor moves at all only
+/// other windows tell. meter_error: fewer than two readings, a counter that could not be read at
+/// the window's begin or end, more than a tenth of a power sensor's readings failed, or a counter
+/// that went back without a known range.
 [[nodiscard]] WindowEnergy integrate(const MeterInfo& meter, const MeterTrace& trace);
 
 /// How long one value of a counter that steps lasts: the mean over 8 of them. Absent if it cannot

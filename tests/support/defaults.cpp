@@ -1,7 +1,8 @@
 // Linked into every test program: the tests' devices have their default parameters, whatever the
-// user who runs them has tuned, no board of this machine is a meter, and signals do what they do by
-// default, also under nohup and in a shell's background. Programs that tests start inherit both.
-// testing::TempDir() is a folder of the process's own, since tests run side by side.
+// user who runs them has tuned, unless PIRT_TEST_TUNING has another PIRT_TUNING for them, no board
+// of this machine is a meter, and signals do what they do by default, also under nohup and in a
+// shell's background. Programs that tests start inherit both. testing::TempDir() is a folder of the
+// process's own, since tests run side by side.
 #include <unistd.h>
 
 #include <csignal>
@@ -12,7 +13,10 @@
 
 namespace {
 
-[[maybe_unused]] const int kUntuned = ::setenv("PIRT_TUNING", "none", 1);
+[[maybe_unused]] const int kTuned = [] {
+  const char* const tuning = std::getenv("PIRT_TEST_TUNING");
+  return ::setenv("PIRT_TUNING", tuning == nullptr ? "none" : tuning, 1);
+}();
 [[maybe_unused]] const int kNoBoards = ::setenv("PIRT_NVML", "none", 1);
 [[maybe_unused]] const bool kHeard = [] {
   for (const int signal : {SIGINT, SIGHUP, SIGPIPE}) std::signal(signal, SIG_DFL);

@@ -328,7 +328,8 @@ Listing list_meters() {
     if (!info.problem.empty()) row["reason"] = info.problem;
     rows.push_back(std::move(row));
   }
-  for (const auto& missing : found.missing) table.footnotes.push_back("Not there: " + missing);
+  for (const auto& missing : found.missing)
+    table.footnotes.push_back("Not there or not known: " + missing);
   return {{.title = "pirt meters", .parts = {table}},
           {{"meters", rows}, {"missing", found.missing}}};
 }

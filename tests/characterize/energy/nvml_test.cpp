@@ -135,11 +135,23 @@ TEST_F(Nvml, ABoardThatOthersComputeOnIsNoMeter) {
   EXPECT_THAT(problem("pids=1"), HasSubstr("1 other process computes on the board"));
   EXPECT_THAT(problem("pids=1,2"), HasSubstr("2 other processes compute"));
   EXPECT_EQ(problem("pids=" + own), "");
-  EXPECT_EQ(problem("pids=" + std::to_string(::getppid()) + "," + own), "");
+  // Whoever started the program is a stranger, and a worker's coordinator is none.
+  const std::string parent = std::to_string(::getppid());
+  EXPECT_THAT(problem("pids=" + parent), HasSubstr("1 other process"));
+  EXPECT_THAT(problem("pids=" + parent + "," + own), HasSubstr("1 other process"));
+  EXPECT_EQ(problem("pids=" + parent + "," + own, true), "");
   EXPECT_THAT(problem("pids=1," + own, true), HasSubstr("1 other process"));
   // In a container their numbers are those outside: how many there are is all that is known.
   EXPECT_EQ(problem("pids=1", true), "");
   EXPECT_THAT(problem("pids=1,2", true), HasSubstr("1 other process"));
+  library(test::kNvmlStandInOld);
+  EXPECT_THAT(problem("pids=1"), HasSubstr("1 other process")) << "by the list of before";
+}
+
+TEST_F(Nvml, ADriverThatDoesNotTellWhoComputesIsSaid) {
+  const auto found = discover("pids_status=3");
+  EXPECT_EQ(found.meters.at(0)->info().problem, "");
+  EXPECT_THAT(found.missing, Contains(HasSubstr("does not tell who else computes")));
 }
 
 TEST_F(Nvml, OfTwoBoardsTheDevicesOwnIsTaken) {

@@ -117,11 +117,15 @@ TEST(Window, ACounterMustBeReadAtBothEnds) {
 class CountingMeter : public Meter {
  public:
   using Meter::Meter;
-  [[nodiscard]] Attribute<std::int64_t> read() const override { return {++reads_, "", 0}; }
+  [[nodiscard]] Attribute<std::int64_t> read() const override {
+    return {stopped_ ? reads_.load() : ++reads_, "", 0};
+  }
   [[nodiscard]] std::int64_t reads() const { return reads_; }
+  void stop() { stopped_ = true; }
 
  private:
   mutable std::atomic<std::int64_t> reads_ = 0;
+  std::atomic<bool> stopped_ = false;
 };
 
 TEST(Recorder, ReadsCountersTwiceAndSensorsInBetween) {
@@ -139,6 +143,33 @@ TEST(Recorder, ReadsCountersTwiceAndSensorsInBetween) {
     EXPECT_GE(each.readings.back().at, each.end);
     EXPECT_TRUE(std::ranges::is_sorted(each.readings, {}, &MeterReading::at));
   }
+}
+
+/// The longest step passes while it is looked at twice.
+class HastyClock : public Clock {
+ public:
+  [[nodiscard]] Nanos now() const override { return now_ += std::chrono::milliseconds(300); }
+
+ private:
+  mutable Nanos now_{0};
+};
+
+TEST(Recorder, ACounterThatStopsWithinItsWindowIsFrozen) {
+  MeterInfo stepping = counter({});
+  stepping.steps = true;
+  CountingMeter energy(stepping);
+  const std::vector<const Meter*> meters = {&energy};
+  const auto reason = [&](bool stops) {
+    const HastyClock clock;
+    MeterRecorder recorder(meters, clock);
+    static_cast<void>(energy.read());
+    if (stops) energy.stop();
+    const auto traces = recorder.stop();
+    EXPECT_GT(traces[0].readings.back().value, traces[0].readings.front().value);
+    return integrate(energy.info(), traces[0]).reason;
+  };
+  EXPECT_EQ(reason(false), "");
+  EXPECT_EQ(reason(true), "meter_frozen") << "what it counted until then is not all";
 }
 
 TEST(Recorder, EndsItsThreadWithoutBeingAsked) {

@@ -129,13 +129,54 @@ TEST(OpenClDevice, OfTheTestsIsTheOneThatTheirVariableNamesOrTheyFail) {
 }
 
 TEST(OpenClDevice, RefusesTensorsBeyondItsMemory) {
+  if (!test::open_first_device()) GTEST_SKIP() << "skipped: no OpenCL device";
+  const opencl::DeviceSession session = opencl::open_session(test::unit_request());
+  opencl::PlanBuilder builder(session);
+  const std::string message = environment_error([&] {
+    // Beyond what any device allocates at once.
+    opencl::translated("preparing huge",
+                       [&] { static_cast<void>(builder.scratch(std::int64_t{1} << 47)); });
+  });
+  EXPECT_THAT(message, AllOf(HasSubstr("preparing huge"), HasSubstr("clCreateBuffer")));
+}
+
+TEST(OpenClDevice, RefusesTensorsOfMoreNumbersThanKernelsCount) {
   const auto device = test::open_first_device();
   if (!device) GTEST_SKIP() << "skipped: no OpenCL device";
-  // 2^47 bytes: beyond what any device allocates at once.
-  const Workload pool = dnn::make_max_pool("huge", 1 << 23, 1 << 11, 1 << 11, 2, 2);
-  const std::string message =
-      environment_error([&] { static_cast<void>(device->prepare(pool, {})); });
-  EXPECT_THAT(message, AllOf(HasSubstr("preparing huge"), HasSubstr("clCreateBuffer")));
+  const auto expect_refused = [](const char* what, const std::function<void()>& body) {
+    EXPECT_THAT(environment_error(body),
+                AllOf(HasSubstr(what), HasSubstr("more numbers than the kernels count")));
+  };
+  const Workload pool = dnn::make_max_pool("huge", 1 << 9, 1 << 11, 1 << 11, 2, 2);
+  expect_refused(pool.inputs[0].name.c_str(),
+                 [&] { static_cast<void>(device->prepare(pool, {})); });
+  const opencl::DeviceSession session = opencl::open_session(test::unit_request());
+  opencl::PlanBuilder builder(session);
+  // 2^31 with its border alone.
+  const TensorSpec wide{.name = "wide", .element = Element::kU8, .shape = {1, 1 << 15, 65'530}};
+  expect_refused("wide", [&] { static_cast<void>(builder.resident(wide, 3)); });
+  const std::vector<opencl::DeviceTensor> none(2);
+  expect_refused("optical_flow's sums", [&] {
+    opencl::find_kernel("optical_flow")
+        .append(builder, vision::make_optical_flow(24'000, 24'000), {}, none, none);
+  });
+}
+
+TEST(OpenClDevice, KeepsPinnedMemoryOnlyWhileThereIsRoomForOtherSizes) {
+  if (!test::open_first_device()) GTEST_SKIP() << "skipped: no OpenCL device";
+  const opencl::DeviceSession session = opencl::open_session(test::unit_request());
+  const auto pool = std::make_shared<opencl::PinnedPool>(session.queue);
+  constexpr std::size_t kPiece = std::size_t{4} << 20, kSmall = std::size_t{1} << 20;
+  std::vector<std::shared_ptr<std::byte>> pieces(opencl::PinnedPool::kMost / kPiece);
+  for (auto& piece : pieces) piece = pool->take(kPiece);
+  if (!pieces.back()) GTEST_SKIP() << "skipped: the device pins less";
+  EXPECT_EQ(pool->take(kSmall), nullptr) << "all of it is in use";
+  pieces.clear();
+  EXPECT_NE(pool->take(kSmall), nullptr);
+  pieces.assign(opencl::PinnedPool::kMost / kPiece - 1, nullptr);
+  for (auto& piece : pieces) piece = pool->take(kPiece);
+  EXPECT_TRUE(std::ranges::all_of(pieces, [](const auto& piece) { return piece != nullptr; }))
+      << "the others are kept";
 }
 
 // ------------------------------------------------------------------------------------------ cores

@@ -14,6 +14,7 @@ namespace pirt {
 namespace {
 
 using testing::AllOf;
+using testing::AnyOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
@@ -141,6 +142,17 @@ TEST_F(OpenClOwn, ASourceThatDoesNotFitIsNamed) {
   EXPECT_THAT(
       refused([](OpenclSource& s) { s.arguments[3] = {.element = Element::kI32, .value = 1}; }),
       HasSubstr("takes float as argument 3 (counted from 0), and {i32: 1} is of i32"));
+  // As large as what is given.
+  EXPECT_THAT(refused([](OpenclSource& s) {
+                s.text = "__kernel void scale(int2 in) {}";
+                s.arguments = {OpenclArgument{.tensor = "in"}};
+              }),
+              HasSubstr("takes no the tensor 'in' as argument 0"));
+  EXPECT_THAT(refused([](OpenclSource& s) {
+                s.text = "__kernel void scale(__global double* in) {}";
+                s.arguments = {OpenclArgument{.element = Element::kF64, .value = 3.5}};
+              }),
+              AnyOf(HasSubstr("takes no {f64: 3.5} as argument 0"), HasSubstr("does not build")));
   Workload other = of(scale());
   for (const Element element : {Element::kU8, Element::kF32}) {
     other.parameters = {{"table", element, {4}}};

@@ -153,5 +153,18 @@ TEST(TuningFile, LiesWhereTheVariablesSay) {
   ::setenv("XDG_CONFIG_HOME", config_before.c_str(), 1);
 }
 
+TEST(TuningFileDeathTest, IsForTestsTheOneThatTheirVariableNames) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const auto ends_with = [](const char* tuning) {  // In a program that starts anew.
+    EXPECT_EXIT(std::exit(std::getenv("PIRT_TUNING") == std::string(tuning) ? 0 : 1),
+                testing::ExitedWithCode(0), "")
+        << tuning;
+  };
+  ::setenv("PIRT_TEST_TUNING", "/the/board.json", 1);
+  ends_with("/the/board.json");
+  ::unsetenv("PIRT_TEST_TUNING");
+  ends_with("none");
+}
+
 }  // namespace
 }  // namespace pirt::opencl

@@ -305,10 +305,10 @@ void add_chains(const DeviceSession& session, const cl::Program& program, const 
 void add_reads(const DeviceSession& session, const cl::Program& program, PeakKind kind,
                std::int64_t wished_bytes, const Shape& shape, PeakLoops& all) {
   // Enough that launching costs nothing, in several passes where one takes microseconds.
-  constexpr std::size_t kBytesALaunch = std::size_t{64} << 20U;
+  const std::size_t bytes_a_launch = std::size_t{session.is_cpu ? 64U : 1024U} << 20U;
   const auto size_bytes = std::bit_floor(static_cast<std::size_t>(wished_bytes));
   // Of a core's memory not more: the stretch that comes next is the one that was read longest ago.
-  const auto stretch = session.is_cpu ? std::min(size_bytes, kBytesALaunch) : size_bytes;
+  const auto stretch = session.is_cpu ? std::min(size_bytes, bytes_a_launch) : size_bytes;
   const auto words = std::make_shared<const Words>(session, size_bytes, stretch);
   using Order = ReadPeak::Order;
   const auto orders = !session.is_cpu ? std::vector{Order::kInterleaved}
@@ -316,14 +316,16 @@ void add_reads(const DeviceSession& session, const cl::Program& program, PeakKin
                           ? std::vector{Order::kEachAll}
                           : std::vector{Order::kStretches, Order::kStreams};
   const std::size_t lines = stretch / 64;
+  std::size_t last_items = 0;
   for (const std::size_t per_unit :
        session.is_cpu ? std::array<std::size_t, 2>{1, 4} : std::array<std::size_t, 2>{8, 32}) {
     const std::size_t items =
         std::min(std::bit_floor(shape.units * session.local_x * per_unit), lines / 4);
-    if (items < session.local_x || items % session.local_x != 0) continue;
+    if (items < session.local_x || items % session.local_x != 0 || items == last_items) continue;
+    last_items = items;
     for (const Order order : orders) {
       const std::size_t a_pass = order == Order::kEachAll ? stretch * items : stretch;
-      const auto passes = static_cast<int>(std::max<std::size_t>(kBytesALaunch / a_pass, 1));
+      const auto passes = static_cast<int>(std::max<std::size_t>(bytes_a_launch / a_pass, 1));
       all.loops.push_back(
           std::make_unique<ReadPeak>(session, program, kind, order, words, items, passes));
     }

@@ -24,17 +24,24 @@ PinnedMemory::~PinnedMemory() {
 
 std::shared_ptr<std::byte> PinnedPool::take(std::size_t size_bytes) {
   size_bytes = (size_bytes + Tensor::kAlignment - 1) / Tensor::kAlignment * Tensor::kAlignment;
+  if (size_bytes == 0 || size_bytes > kMost) return nullptr;
   std::unique_ptr<PinnedMemory> memory;
+  decltype(kept_) dropped;  // For another size; freed without the lock.
   {
     const std::lock_guard lock(mutex_);
     if (auto kept = kept_.extract(size_bytes)) {
       memory = std::move(kept.mapped());
-    } else if (size_bytes == 0 || size_bytes > kMost - given_bytes_) {
-      return nullptr;
     } else {
+      while (size_bytes > kMost - given_bytes_) {
+        if (kept_.empty()) return nullptr;
+        all_.erase(kept_.begin()->second->bytes().data());
+        given_bytes_ -= kept_.begin()->first;
+        dropped.insert(kept_.extract(kept_.begin()));
+      }
       given_bytes_ += size_bytes;
     }
   }
+  dropped.clear();
   if (memory == nullptr) {
     try {
       memory = std::make_unique<PinnedMemory>(queue_, size_bytes);

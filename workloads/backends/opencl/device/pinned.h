@@ -33,7 +33,8 @@ class PinnedMemory {
   std::size_t size_bytes_ = 0;
 };
 
-/// For tensors. What is given back is kept for others of its size.
+/// For tensors. What is given back is kept for others of its size, until one of another has no
+/// room.
 class PinnedPool final : public TensorMemory, public std::enable_shared_from_this<PinnedPool> {
  public:
   /// Of all that it gave: pinned memory is taken from the whole machine.

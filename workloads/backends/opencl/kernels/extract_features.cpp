@@ -5,6 +5,7 @@
 #include <cstring>
 #include <utility>
 
+#include "workloads/backends/opencl/kernels/packing.h"
 #include "workloads/backends/opencl/plan/kernel_table.h"
 #include "workloads/backends/opencl/plan/plan_kernel.h"
 #include "workloads/vision/features.h"
@@ -85,8 +86,7 @@ class ExtractFeaturesKernel final : public PlanKernel {
   ChosenCorners chosen_;  ///< The device may read it until the call's end.
 };
 
-/// Work items of 16 pixels.
-std::int64_t segments(int pixels) { return (pixels + 15) / 16; }
+constexpr int kSegment = 16;  // Pixels of a work item.
 
 /// Where the two pixels of each bit are, from the corner's, in a picture of this width.
 std::array<std::array<cl_int, 2>, 256> offsets_of_pattern(int width) {
@@ -126,14 +126,14 @@ std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
   const int lines = op.height - 2 * slam::kFeatureRim;
   if (columns > 0 && lines > 0) {
     // From column 16 on, with a pixel at each side of what is left.
-    builder.step("extract.cl", "fast_contrast", {segments(columns + 5), lines + 2}, image, contrast,
-                 op.width, op.height, vision::ExtractFeatures::kThreshold);
-    builder.step("extract.cl", "fast_candidates", {segments(columns + 4), lines}, image, contrast,
-                 buffers.count, buffers.candidates, op.width, op.height);
-    builder.step("extract.cl", "blur_rows", {segments(op.width - 6), op.height}, image, rows,
-                 weights, op.width);
-    builder.step("extract.cl", "blur_columns", {segments(op.width - 6), op.height - 6}, rows,
-                 blurred, weights, op.width);
+    builder.step("extract.cl", "fast_contrast", {blocks(columns + 5, kSegment), lines + 2}, image,
+                 contrast, op.width, op.height, vision::ExtractFeatures::kThreshold);
+    builder.step("extract.cl", "fast_candidates", {blocks(columns + 4, kSegment), lines}, image,
+                 contrast, buffers.count, buffers.candidates, op.width, op.height);
+    builder.step("extract.cl", "blur_rows", {blocks(op.width - 6, kSegment), op.height}, image,
+                 rows, weights, op.width);
+    builder.step("extract.cl", "blur_columns", {blocks(op.width - 6, kSegment), op.height - 6},
+                 rows, blurred, weights, op.width);
   }
   Plan find = builder.finish({image}, outputs);
   PlanBuilder second(session);

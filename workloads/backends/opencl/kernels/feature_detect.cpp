@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "workloads/backends/opencl/kernels/gradients.h"
+#include "workloads/backends/opencl/kernels/packing.h"
 #include "workloads/backends/opencl/plan/kernel_table.h"
 #include "workloads/backends/opencl/plan/plan_kernel.h"
 #include "workloads/vision/corners.h"
@@ -69,7 +70,7 @@ std::unique_ptr<Kernel> make_feature_detect(const DeviceSession& session, const 
       .state = builder.scratch(2 * std::int64_t{sizeof(cl_uint)}),
       .candidates = builder.scratch(area * std::int64_t{sizeof(cl_ulong)})};
   const int pixels = session.value(Parameter::kFeaturePixels);
-  const Extent segments{(op.width + pixels - 1) / pixels, op.height};
+  const Extent segments{blocks(op.width, pixels), op.height};
   append_gradients(builder, "features.cl", op, image, gx, gy);
   builder.step("features.cl", "corner_response", segments, gx, gy, response, buffers.state,
                op.width, op.height, pixels);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "workloads/backends/opencl/kernels/packing.h"
 #include "workloads/backends/opencl/plan/plan.h"
 #include "workloads/vision/vision.h"
 
@@ -22,8 +23,7 @@ struct Strips {
   /// @param strip_rows  At least 1; of the session's tuning.
   Strips(int strip_rows, const vision::ImageOperation& operation)
       : rows(operation.width < kNarrow ? std::min(strip_rows, kMostNarrowRows) : strip_rows),
-        extent{.x = (operation.width + kColumns - 1) / kColumns,
-               .y = (operation.height + rows - 1) / rows} {}
+        extent{.x = blocks(operation.width, kColumns), .y = blocks(operation.height, rows)} {}
 
   std::int32_t rows;  ///< Of a strip.
   Extent extent;

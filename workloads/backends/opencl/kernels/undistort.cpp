@@ -66,6 +66,8 @@ void append_undistort(PlanBuilder& builder, const Workload& workload, std::span<
                       std::span<const DeviceTensor> inputs, std::span<const DeviceTensor> outputs) {
   const auto& op = operation_as<vision::Undistort>(workload);
   const int pixels = builder.session().value(Parameter::kUndistortPixels);
+  check_countable("undistort's tables",
+                  std::int64_t{std::max(pixels, 4)} * op.height * blocks(op.width, pixels));
   const Tables tables = tables_of(op, pixels);
   const int below = op.height > 1 ? op.width : 0;
   builder.step("undistort.cl", "undistort", {blocks(op.width, pixels), op.height}, inputs[0],

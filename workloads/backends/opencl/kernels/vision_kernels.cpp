@@ -79,8 +79,9 @@ void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::sp
   const int run_x = run(Parameter::kFlowRunX, op.width);
   const int run_y = run(Parameter::kFlowRunY, op.height);
   const auto pitch = blocks(op.width, kColumnsPerItem) * kColumnsPerItem;
-  const cl::Buffer sums = builder.scratch(std::int64_t{kSums} * op.height * pitch *
-                                          static_cast<std::int64_t>(sizeof(cl_int)));
+  const std::int64_t numbers = std::int64_t{kSums} * op.height * pitch;
+  check_countable("optical_flow's sums", numbers);
+  const cl::Buffer sums = builder.scratch(numbers * std::int64_t{sizeof(cl_int)});
   builder.step("flow.cl", "flow_row_sums", {blocks(op.width, run_x), op.height}, inputs[0],
                inputs[1], sums, op.width, op.height, pitch, run_x);
   builder.step("flow.cl", "flow_solve", {pitch / kColumnsPerItem, blocks(op.height, run_y)}, sums,

@@ -98,7 +98,7 @@ std::unique_ptr<Kernel> make_kernel(const DeviceSession& session, const Workload
   const OpenclKernelEntry& entry = find_kernel(workload.kernel);
   if (entry.make != nullptr) return entry.make(session, workload, parameters);
 
-  PlanBuilder builder(session);
+  PlanBuilder builder(session, workload.kernel != kOwnKernel);
   std::vector<DeviceTensor> inputs;
   if (const int pad = entry.input_pad != nullptr ? entry.input_pad(workload) : 0; pad > 0) {
     for (const TensorSpec& spec : workload.inputs) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string_view>
@@ -69,6 +70,17 @@ std::optional<std::string> other_type(const cl::Kernel& kernel, cl_uint index, E
   return is_known && !fits ? std::optional(type) : std::nullopt;
 }
 
+/// Whether the parameter is a pointer to the device's memory; absent where the driver does not
+/// tell.
+std::optional<bool> is_pointer(const cl::Kernel& kernel, cl_uint index) {
+  try {
+    const auto memory = kernel.getArgInfo<CL_KERNEL_ARG_ADDRESS_QUALIFIER>(index);
+    return memory == CL_KERNEL_ARG_ADDRESS_GLOBAL || memory == CL_KERNEL_ARG_ADDRESS_CONSTANT;
+  } catch (const cl::Error&) {
+    return std::nullopt;  // CL_KERNEL_ARG_INFO_NOT_AVAILABLE
+  }
+}
+
 /// The work items of a group of @p kernel: PlanBuilder::group_items.
 std::size_t fitting(const DeviceSession& session, const cl::Kernel& kernel, LocalNeed need) {
   const cl::Device& device = session.device;
@@ -126,15 +138,27 @@ void Plan::swap_state() {
   }
 }
 
+void check_countable(std::string_view what, std::int64_t numbers) {
+  constexpr std::int64_t kMost = std::numeric_limits<std::int32_t>::max();
+  if (numbers <= kMost) return;
+  throw_environment(
+      fmt::format("opencl: {} has more numbers than the kernels count ({}, and {} at most); choose "
+                  "a smaller size or batch",
+                  what, numbers, kMost));
+}
+
 DeviceTensor PlanBuilder::resident(const TensorSpec& spec, int pad) {
   DeviceTensor made{.buffer = {}, .spec = spec, .pad = pad};
+  if (ours_) check_countable(spec.name, spec.count());
   if (spec.varies) made.rows = zeroed(sizeof(cl_int));
   if (pad == 0) {
     made.buffer = scratch(spec.size_bytes());
     return made;
   }
-  const std::size_t bytes = to_size(made.planes() * made.plane()) * size_bytes(spec.element);
-  made.buffer = zeroed(bytes);
+  const std::int64_t padded =
+      made.planes() * (spec.shape.end()[-2] + 2 * pad) * (spec.shape.back() + 2 * pad);
+  check_countable(spec.name, padded);
+  made.buffer = zeroed(to_size(padded) * size_bytes(spec.element));
   return made;
 }
 
@@ -149,6 +173,7 @@ std::vector<DeviceTensor> PlanBuilder::residents(std::span<const TensorSpec> spe
     return at;
   };
   for (const TensorSpec& spec : specs) {
+    if (ours_) check_countable(spec.name, spec.count());
     DeviceTensor part{.buffer = {}, .spec = spec};
     part.at = part_of(to_size(spec.size_bytes()));
     if (spec.varies) part.rows_at = part_of(sizeof(cl_int));
@@ -251,14 +276,22 @@ void PlanBuilder::own_step(
   }
   for (cl_uint i = 0; i < source.arguments.size(); ++i) {
     const OpenclArgument& argument = source.arguments[i];
-    const DeviceTensor* const resident =
-        argument.tensor.empty() ? nullptr : tensor(argument.tensor);
+    const bool is_number = argument.tensor.empty();
+    const DeviceTensor* const resident = is_number ? nullptr : tensor(argument.tensor);
     const std::string given =
-        argument.tensor.empty()
-            ? fmt::format("{{{}: {}}}", to_string(argument.element), argument.value)
-            : "the tensor '" + argument.tensor + "'";
+        is_number ? fmt::format("{{{}: {}}}", to_string(argument.element), argument.value)
+                  : "the tensor '" + argument.tensor + "'";
+    const auto refuse = [&] {
+      fail(
+          fmt::format("takes no {} as argument {} (counted from 0): tensors are __global "
+                      "pointers, and numbers have the size of its parameter (u8: uchar, i16: "
+                      "short, i32: int, f32: float, f64: double)",
+                      given, i));
+    };
+    // Drivers look at the size alone, and a tensor's handle is as large as a double.
+    if (is_pointer(kernel, i).value_or(!is_number) == is_number) refuse();
     try {
-      if (argument.tensor.empty()) {
+      if (is_number) {
         set_number(kernel, i, argument);
       } else if (resident != nullptr) {
         set(kernel, i, *resident);
@@ -267,11 +300,7 @@ void PlanBuilder::own_step(
       }
     } catch (const cl::Error& error) {
       if (error.err() == CL_OUT_OF_RESOURCES || error.err() == CL_OUT_OF_HOST_MEMORY) throw;
-      fail(
-          fmt::format("takes no {} as argument {} (counted from 0): tensors are __global "
-                      "pointers, and numbers have the size of its parameter (u8: uchar, i16: "
-                      "short, i32: int, f32: float, f64: double)",
-                      given, i));
+      refuse();
     }
     const Element element = resident != nullptr ? resident->spec.element : argument.element;
     if (const auto type = other_type(kernel, i, element)) {

@@ -108,15 +108,22 @@ struct LocalNeed {
 /// does (seen on an H200: 1.2 MB up in 108 us and 130 by the stage).
 inline constexpr std::size_t kMostStaged = std::size_t{1} << 20;
 
+/// Kernels count in 32 bits.
+/// @throws Error{kEnvironment} if @p what has more numbers than that.
+void check_countable(std::string_view what, std::int64_t numbers);
+
 /// Collects a plan: builds programs, allocates buffers, sets arguments. Not kept after
 /// `prepare`.
 class PlanBuilder {
  public:
-  explicit PlanBuilder(const DeviceSession& session) : session_(session) {}
+  /// @param ours  Of kernels of ours, which count in 32 bits.
+  explicit PlanBuilder(const DeviceSession& session, bool ours = true)
+      : session_(session), ours_(ours) {}
 
   [[nodiscard]] const DeviceSession& session() const { return session_; }
 
   /// Uninitialized if pad is 0, otherwise zeroed for the sake of its border. No rows yet.
+  /// @throws Error{kEnvironment} if its kernels cannot count its numbers; residents(), too.
   [[nodiscard]] DeviceTensor resident(const TensorSpec& spec, int pad = 0);
   /// Several that a call moves together, without a border: where they are small and the device has
   /// memory of its own, parts of one buffer, which go by one command.
@@ -188,6 +195,7 @@ class PlanBuilder {
   void append(cl::Kernel kernel, const char* name, Extent extent);
 
   const DeviceSession& session_;
+  bool ours_;
   std::size_t all_bytes_ = 0;
   std::vector<Launch> steps_;
   std::vector<cl::Buffer> held_;
