@@ -187,6 +187,12 @@ TEST_F(RunRobot, TakesOutByHowMuchPicturesAreLate) {
   EXPECT_NEAR(std::remainder(std::stod(path("-10")) - stamp - 0.01, kFrame_s), 0, 1e-3);
 }
 
+TEST_F(RunRobot, WithoutAnImuNoPictureIsLate) {
+  const auto outcome = pirt(arguments({"--serial", "--fast", "--localize-only", "--no-imu",
+                                       "--duration", "100ms", "--camera-late", "10"}));
+  EXPECT_THAT(outcome.err, HasSubstr("there is no IMU: pictures keep theirs"));
+}
+
 TEST_F(RunRobot, KeepsWhatRanWhenItIsInterrupted) {
   const std::string heard = quoted(scratch_.file("heard"));
   std::string command = "env --default-signal " + quoted(kProgram);

@@ -61,7 +61,12 @@ Sequence read(const RunRobotFlags& options) {
                         .calibration = options.calibration.value_or(""),
                         .truth = options.truth.value_or(""),
                         .pair_tolerance = parse_duration(options.stereo_tolerance)});
-  for (Frame& frame : sequence.frames) frame.time -= from_s(options.camera_late_ms / 1e3);
+  if (!sequence.imu.empty()) {
+    for (Frame& frame : sequence.frames) frame.time -= from_ms(options.camera_late_ms);
+  } else if (options.camera_late_ms != 0) {
+    sequence.warnings.push_back(
+        "--camera-late is by the IMU's stamps, and there is no IMU: pictures keep theirs");
+  }
   if (options.duration) {
     const Nanos end = sequence.frames.front().time + parse_duration(*options.duration);
     std::erase_if(sequence.frames, [&](const Frame& frame) { return frame.time >= end; });

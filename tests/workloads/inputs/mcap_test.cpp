@@ -198,12 +198,16 @@ class Packed : public testing::Test {
 };
 
 /// All messages of @p from whose times are in [begin, end).
-void copy_part(const Recording& from, RecordingWriter& out, Nanos begin, Nanos end) {
+/// @param packed  Each by zstd.
+void copy_part(const Recording& from, RecordingWriter& out, Nanos begin, Nanos end,
+               bool packed = false) {
   for (std::size_t t = 0; t < from.topics().size(); ++t) {
     const Topic& topic = from.topics()[t];
     for (std::size_t i = 0; i < topic.messages; ++i) {
       const Nanos time = from.time(t, i);
-      if (time >= begin && time < end) out.write(topic.name, topic.type, time, from.message(t, i));
+      if (time < begin || time >= end) continue;
+      const std::string message = from.message(t, i);
+      out.write(topic.name, topic.type, time, packed ? pack("zstd", message, "f") : message);
     }
   }
   out.publish();
@@ -302,6 +306,18 @@ TEST_F(Packed, WhatZstdPackedMayUnpackToWholePieces) {
   text.resize((text.size() / kPiece + 1) * kPiece);
   put(path("b.db3.zstd"), pack("zstd", text, "b.db3.zstd"));
   expect_same(read_sequence(path("b.db3.zstd")));
+}
+
+TEST_F(Packed, MessagesAreUnpackedOneByOne) {
+  if (best_compression() != "zstd") GTEST_SKIP() << "built without zstd";
+  write("a.db3");
+  const auto plain = open_recording(path("a.db3"));
+  copy_part(*plain, *make_db3(path("p.db3")), Nanos::zero(), Nanos::max(), true);
+  copy_part(*plain, *make_mcap(path("p.mcap")), Nanos::zero(), Nanos::max(), true);
+  for (const char* name : {"p.db3", "p.mcap"}) {
+    EXPECT_EQ(open_recording(path(name))->message(0, 0, 10), plain->message(0, 0, 10)) << name;
+    expect_same(read_sequence(path(name)));
+  }
 }
 
 TEST_F(Packed, MessagesThatAreDamagedAreLeftOutOfABag) {

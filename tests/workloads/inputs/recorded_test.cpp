@@ -4,6 +4,8 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+
 #include "tests/workloads/inputs/own_recording.h"
 #include "workloads/inputs/pictures/images.h"
 
@@ -47,20 +49,72 @@ TEST_F(OwnRecording, SensorsThatNameNoFrameAreNotInTheSameOne) {
 class RecordedPair : public OwnRecording {
  protected:
   /// @param left, right  The fourth numbers of P, whose first is 20.
-  void add_pair(double left, double right) {
+  void add_pair(double left, double right, const std::string& robot = "") {
     for (const auto& [name, shift] : {std::pair("/left", left), {"/right", right}}) {
       CameraInfoMessage message = info();
       message.p[3] = shift;
-      add_info(std::string(name) + "/camera_info", message);
+      add_info(robot + name + "/camera_info", message);
     }
     for (int i = 1; i < 4; ++i) {
-      for (const char* topic : {"/left/image_raw", "/right/image_raw"}) {
+      for (const char* name : {"/left", "/right"}) {
+        frame_ = name;
         written_ = from_ms(50.0 * i).count();
-        add_picture(topic, "mono8", 16, 16, kGrey);
+        add_picture(robot + name + "/image_raw", "mono8", 16, 16, kGrey);
       }
     }
   }
+  /// @param right  Where the right camera is in the left one's axes.
+  void add_transform(const std::string& topic, const Eigen::Vector3d& right) {
+    TransformMessage message{
+        .head = {Nanos(1), "/left"}, .child = "/right", .parent_from_child = {}};
+    message.parent_from_child.position = right;
+    add(topic, TransformMessage::kType, written(std::vector{message}, WireFormat::kRos1));
+  }
 };
+
+TEST_F(RecordedPair, SitsAsTheTransformsOfItsRobotSay) {
+  const std::pair<std::string, double> robots[] = {{"/robot1", 0.1}, {"/robot2", 0.5}};
+  for (const auto& [robot, apart_m] : robots) {
+    add_transform(robot + "/tf_static", {apart_m, 0, 0});
+    add_pair(0, 0, robot);
+  }
+  writer_->publish();
+  for (const auto& [robot, apart_m] : robots) {
+    const auto topics =
+        parse_topics("left=" + robot + "/left/image_raw,right=" + robot + "/right/image_raw");
+    const Sequence sequence = read_sequence(file_, {.topics = topics});
+    ASSERT_EQ(sequence.cameras.size(), 2U) << robot;
+    EXPECT_NEAR(sequence.cameras[1].body_from_camera.position.x(), apart_m, 1e-12) << robot;
+  }
+}
+
+TEST_F(RecordedPair, SitsAsTheOnlyTransformsSay) {
+  add_transform("/robot/tf_static", {0.3, 0, 0});
+  add_pair(0, 0);
+  const Sequence sequence = read();
+  ASSERT_EQ(sequence.cameras.size(), 2U);
+  EXPECT_NEAR(sequence.cameras[1].body_from_camera.position.x(), 0.3, 1e-12);
+}
+
+TEST_F(RecordedPair, SitsAsItsProjectionsSayIfTransformsSayOtherwise) {
+  add_transform("/tf_static", {0, -0.4, 0});  // x is ahead, and y to the left
+  add_pair(0, -8);
+  const Sequence sequence = read();
+  ASSERT_EQ(sequence.cameras.size(), 2U);
+  EXPECT_NEAR(sequence.cameras[1].body_from_camera.position.x(), 0.4, 1e-12);
+  EXPECT_NEAR(sequence.cameras[1].body_from_camera.position.y(), 0, 1e-12);
+  EXPECT_THAT(sequence.warnings, testing::Contains(AllOf(HasSubstr("-0.400,"), HasSubstr("(0.400,"),
+                                                         HasSubstr("the projections are taken"))));
+}
+
+TEST_F(RecordedPair, SitsAsTransformsSayIfItsProjectionsAgree) {
+  add_transform("/tf_static", {0.41, 0.02, 0});
+  add_pair(0, -8);
+  const Sequence sequence = read();
+  ASSERT_EQ(sequence.cameras.size(), 2U);
+  EXPECT_NEAR(sequence.cameras[1].body_from_camera.position.x(), 0.41, 1e-12);
+  EXPECT_THAT(sequence.warnings, IsEmpty());
+}
 
 // As KITTI's colour cameras, which are rectified to a grey one: 0.1 m to its left and 0.4 m to its
 // right.
@@ -105,6 +159,84 @@ TEST_F(OwnRecording, SaysThatACalibrationChanges) {
   EXPECT_THAT(
       read_sequence(file_, {.topics = parse_topics("left=/a/image_raw,right=none")}).warnings,
       IsEmpty());
+}
+
+TEST_F(OwnRecording, SaysThatPicturesSeemToBeRectified) {
+  CameraInfoMessage message = info();
+  message.k = {20, 0, 8, 0, 20, 10, 0, 0, 1};
+  message.p = {14, 0, 8, 0, 0, 14, 8, 0, 0, 0, 1, 0};
+  add_info("/camera/camera_info", message);
+  add_picture("/camera/image_raw", "mono8", 16, 16, kGrey);
+  EXPECT_THAT(read().warnings,
+              ElementsAre(AllOf(HasSubstr("/camera/image_raw seem to be rectified"),
+                                HasSubstr("--calibration"))));
+}
+
+/// A camera and its IMU, stamped by other clocks than the recorder's.
+class Clocks : public OwnRecording {
+ protected:
+  void SetUp() override { add_info("/camera/camera_info"); }
+  void add_frame(Nanos stamp, Nanos recorded) {
+    writer_->write("/camera/image_raw", ImageMessage::kType, recorded,
+                   written(ImageMessage{.head = {stamp, frame_},
+                                        .compressed = false,
+                                        .width = 16,
+                                        .height = 16,
+                                        .encoding = "mono8",
+                                        .step = 16,
+                                        .data = kGrey},
+                           WireFormat::kRos1));
+  }
+  void add_sample(Nanos stamp, Nanos recorded, double turn_rad_s) {
+    writer_->write("/imu", ImuMessage::kType, recorded,
+                   written(ImuMessage{.head = {stamp, frame_},
+                                      .gyro_rad_s = {turn_rad_s, 0, 0},
+                                      .accel_m_s2 = {0, 0, 9.8 + 0.01 * turn_rad_s}},
+                           WireFormat::kRos1));
+  }
+  /// @param delay  Of the camera's stamps, not of the IMU's.
+  void add_flight(Nanos delay) {
+    for (int i = 1; i <= 20; ++i) {
+      const Nanos time = from_ms(1000 + 100.0 * i);
+      add_frame(time - delay, time);
+      add_sample(time, time, 0.1);
+    }
+  }
+};
+
+// A simulator's: the IMU from 0 to 40 s and the camera from 12 s, then from 0 to 35 s and from 2 s.
+TEST_F(Clocks, ThatBeginAnewAreOfOneRun) {
+  Nanos recorded{};
+  const auto run = [&](double turn_rad_s, int first_picture, int last) {
+    for (int i = 1; i <= last; ++i) {
+      const Nanos stamp = from_ms(100.0 * i);
+      recorded += from_ms(100);
+      add_sample(stamp, recorded, turn_rad_s + 0.001 * (i % 2));
+      if (i >= first_picture && i % 5 == 0) add_frame(stamp, recorded);
+    }
+  };
+  run(1, 120, 400);
+  run(2, 20, 350);
+  const Sequence sequence = read();
+  EXPECT_EQ(sequence.frames.size(), 67U);
+  EXPECT_EQ(sequence.imu.size(), 350U);
+  EXPECT_TRUE(std::ranges::all_of(
+      sequence.imu, [](const ImuSample& sample) { return sample.gyro_rad_s.x() >= 2; }));
+  EXPECT_THAT(sequence.warnings,
+              testing::Contains(HasSubstr("400 of 750 messages of /imu were recorded in other")));
+  EXPECT_THAT(sequence.warnings, testing::Not(testing::Contains(HasSubstr("two clocks"))));
+}
+
+TEST_F(Clocks, OfWhichOneIsOffAreSaid) {
+  add_flight(from_ms(500));
+  EXPECT_THAT(read().warnings,
+              testing::Contains(AllOf(HasSubstr("stamps of /imu are usually 0.000 s before"),
+                                      HasSubstr("0.500 s: are these two clocks?"))));
+}
+
+TEST_F(Clocks, OfWhichOneIsRecordedLateAreNotTwo) {
+  add_flight(from_ms(100));
+  EXPECT_THAT(read().warnings, testing::Not(testing::Contains(HasSubstr("two clocks"))));
 }
 
 TEST_F(OwnRecording, RefusesPixelsOfTwoBytesInRowsOfAnOddNumber) {

@@ -372,6 +372,29 @@ TEST_F(HalfImus, OneOfThemIsNoImu) {
                                HasSubstr("covariance[0]"), HasSubstr("imu=none")));
 }
 
+// As a RealSense's: by the covariances of both they measure all.
+TEST_F(OwnRecording, HalvesOfAnImuThatAreAlwaysZeroAreLeftOut) {
+  add_info("/camera/camera_info");
+  written_ = from_ms(25).count();
+  add_picture("/camera/image_raw", "mono8", 16, 16, std::string(256, 'a'));
+  const auto add_imu = [this](const char* topic, const ImuMessage& message) {
+    writer_->write(topic, ImuMessage::kType, message.head.time,
+                   written(message, WireFormat::kRos1));
+  };
+  for (int i = 1; i < 15; ++i) {
+    const MessageHead head{from_ms(10.0 * i), "camera"};
+    add_imu("/accel", {.head = head, .accel_m_s2 = {0, 0, 9.8}});
+    add_imu("/gyro", {.head = head, .gyro_rad_s = {0.1, 0, 0}});
+  }
+  writer_->publish();
+  for (const SequenceTopics& topics : {SequenceTopics{}, parse_topics("imu=/accel+/gyro")}) {
+    const Sequence sequence = read_sequence(file_, {.topics = topics});
+    ASSERT_EQ(sequence.imu.size(), 13U);
+    EXPECT_EQ(sequence.imu[5].gyro_rad_s.x(), 0.1);
+    EXPECT_NEAR(sequence.imu[5].accel_m_s2.z(), 9.8, 1e-12);
+  }
+}
+
 /// A bag of one chunk, with that chunk packed by a program.
 class PackedBag : public testing::Test {
  protected:

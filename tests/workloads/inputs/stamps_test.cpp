@@ -196,6 +196,27 @@ TEST_F(Info, OfAPartOfTheSensorIsBroughtToThePicture) {
   EXPECT_EQ(std::pair(model.cx, model.cy), std::pair(110.0, 100.0));
 }
 
+// K_00, K_02 and P_rect_00 of 2011_09_26: K is of 1392x512 pixels, P of those that are recorded.
+TEST_F(Info, OfKittiSeemsToBeOfRectifiedPictures) {
+  info_.width = 1242, info_.height = 375;
+  info_.p = {721.5, 0, 609.6, 0, 0, 721.5, 172.9, 0, 0, 0, 1, 0};
+  info_.k = {984.2, 0, 690.0, 0, 980.8, 233.2, 0, 0, 1};
+  EXPECT_TRUE(seems_rectified(info_));
+  info_.k = {959.8, 0, 696.0, 0, 956.9, 224.2, 0, 0, 1};
+  EXPECT_TRUE(seems_rectified(info_));
+}
+
+TEST_F(Info, OfAPartOfTheSensorDoesNot) {
+  EXPECT_FALSE(seems_rectified(info_));
+  info_.binning_x = info_.binning_y = 2;
+  EXPECT_FALSE(seems_rectified(info_));
+  // The centres are at (0.55, 0.67) of the region by K, and at (0.53, 0.63) by P.
+  info_.roi_x = 100, info_.roi_y = 40, info_.roi_width = 400, info_.roi_height = 300;
+  EXPECT_FALSE(seems_rectified(info_));
+  info_.p.assign(12, 0);
+  EXPECT_FALSE(seems_rectified(info_));
+}
+
 TEST(Calibration, IsReadFromKalibrsFileAndThoseOfRos) {
   const test::ScratchFolder scratch;
   const fs::path file = scratch.path() / "camchain.yaml";

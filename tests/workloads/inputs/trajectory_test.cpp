@@ -110,6 +110,12 @@ TEST(Trajectory, TumTextHasNanosecondsAndTheQuaternionLast) {
             "0.707106781 0.707106781");
 }
 
+TEST(Trajectory, TumTextHasTheSignOfTimesBeforeZeroInFront) {
+  const std::vector<StampedPose> poses = {{Nanos(-1'500'000'000), {}}, {Nanos(-50'000'000), {}}};
+  EXPECT_THAT(tum_text(poses),
+              testing::AllOf(HasSubstr("\n-1.500000000 0.0"), HasSubstr("\n-0.050000000 0.0")));
+}
+
 TEST(Trajectory, AHeadingSaysWhereTheQuaternionHasItsRealPart) {
   const test::ScratchFolder scratch;
   const fs::path file = scratch.path() / "truth.txt";

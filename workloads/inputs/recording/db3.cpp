@@ -17,7 +17,6 @@
 #include "workloads/base/system/temporary.h"
 #include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
-#include "workloads/inputs/recording/compression.h"
 #include "workloads/inputs/recording/random_file.h"
 #include "workloads/inputs/recording/recording.h"
 
@@ -136,13 +135,8 @@ class Db3 final : public Recording {
   }
 
  private:
-  [[nodiscard]] std::string load(const Topic::Place& place, std::uint64_t most) const override {
-    const std::string bytes = stored(place, most);
-    return is_packed(bytes) ? unpack_message(stored(place, kWhole), file_).substr(0, most) : bytes;
-  }
-
   /// Of the first bytes of a blob only their pages are read.
-  [[nodiscard]] std::string stored(const Topic::Place& place, std::uint64_t most) const {
+  [[nodiscard]] std::string load(const Topic::Place& place, std::uint64_t most) const override {
     const std::lock_guard lock(mutex_);
     Statement row(*database_, "SELECT substr(data, 1, ?) FROM messages WHERE id = ?");
     row.bind(1, static_cast<std::int64_t>(std::min(most, kMostChunkBytes)));

@@ -182,6 +182,14 @@ std::vector<std::size_t> Recording::of_type(std::string_view type) const {
   return found;
 }
 
+std::string Recording::message(std::size_t topic, std::size_t index, std::uint64_t most) const {
+  const Topic& of = topics_[topic];
+  std::string bytes = load(of.places[index], most);
+  if (of.encoding != "cdr" || !is_packed(bytes)) return bytes;
+  if (most < kWhole) bytes = load(of.places[index], kWhole);
+  return unpack_message(std::move(bytes), file_).substr(0, most);
+}
+
 WireReader Recording::reader(std::size_t topic, std::size_t index, std::string_view bytes) const {
   const Topic& of = topics_[topic];
   return {bytes, of.encoding == "ros1" ? WireFormat::kRos1 : WireFormat::kCdr,

@@ -68,13 +68,12 @@ class Recording {
   [[nodiscard]] std::size_t attachments() const { return attachments_; }
   [[nodiscard]] std::size_t metadata() const { return metadata_; }
   static constexpr std::uint64_t kWhole = UINT64_MAX;
-  /// The bytes of a message, in the order in which they were recorded.
+  /// The bytes of a message, in the order in which they were recorded; unpacked, where ROS 2's
+  /// recorder packed each.
   /// @param most  Only its first so many bytes.
   /// @throws Error{kBadInput} if they are damaged.
   [[nodiscard]] std::string message(std::size_t topic, std::size_t index,
-                                    std::uint64_t most = kWhole) const {
-    return load(topics_[topic].places[index], most);
-  }
+                                    std::uint64_t most = kWhole) const;
   /// Which topic's messages, and how many bytes of each.
   struct Wanted {
     std::size_t topic = 0;

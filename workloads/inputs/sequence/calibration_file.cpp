@@ -15,22 +15,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Rows of 4, as Kalibr writes them.
-Pose rigid_of(const YamlNode& node) {
-  const auto rows = node.items();
-  if (rows.size() != 4) node.fail("must be 4 rows of 4 numbers");
-  Pose pose;
-  for (Eigen::Index r = 0; r < 3; ++r) {
-    const auto row = numbers_of(rows[static_cast<std::size_t>(r)], 4, 4);
-    pose.rotation.row(r) << row[0], row[1], row[2];
-    pose.position(r) = row[3];
+/// Each row a list, as Kalibr writes them.
+Pose rigid_of_rows(const YamlNode& node) {
+  std::vector<double> numbers;
+  for (const auto& row : node.items()) {
+    for (const double each : numbers_of(row, 4, 4)) numbers.push_back(each);
   }
-  const auto rotation = checked_rotation(pose.rotation);
-  if (!rotation || pose.position.norm() > 5) {
-    node.fail("is no rotation and translation of a sensor, in metres");
-  }
-  pose.rotation = *rotation;
-  return pose;
+  if (numbers.size() != 16) node.fail("must be 4 rows of 4 numbers");
+  return rigid_of(node, numbers);
 }
 
 /// Row by row. Of a camera that nobody has calibrated all are 0.
@@ -55,15 +47,7 @@ void set_pinhole(CameraModel& model, const YamlNode& at, const std::vector<doubl
 constexpr std::int64_t kSmallestSide = 16, kLargestSide = 20000;
 
 GivenCamera kalibr_camera(const YamlNode& node) {
-  if (node.has("camera_model") && node.at("camera_model").text() != "pinhole") {
-    node.at("camera_model").fail("only pinhole is known");
-  }
-  GivenCamera camera;
-  const auto size = node.at("resolution").items();
-  if (size.size() != 2) node.at("resolution").fail("must be [width, height]");
-  camera.model.width = static_cast<int>(size[0].integer(kSmallestSide, kLargestSide));
-  camera.model.height = static_cast<int>(size[1].integer(kSmallestSide, kLargestSide));
-  set_pinhole(camera.model, node.at("intrinsics"), numbers_of(node.at("intrinsics"), 4, 4));
+  GivenCamera camera{.model = pinhole_camera(node)};
   std::string lens = node.has("distortion_model") ? node.at("distortion_model").text() : "none";
   if (lens == "radtan") lens = "plumb_bob";
   const bool has_lens = lens != "none" && node.has("distortion_coeffs");
@@ -72,7 +56,8 @@ GivenCamera kalibr_camera(const YamlNode& node) {
                has_lens ? numbers_of(node.at("distortion_coeffs"), 0, 8) : std::vector<double>());
   if (!problem.empty()) node.fail(problem);
   if (node.has("rostopic")) camera.topic = node.at("rostopic").text();
-  if (node.has("T_cam_imu")) camera.body_from_camera = rigid_of(node.at("T_cam_imu")).inverse();
+  if (node.has("T_cam_imu"))
+    camera.body_from_camera = rigid_of_rows(node.at("T_cam_imu")).inverse();
   if (node.has("timeshift_cam_imu")) {
     camera.imu_later_s = node.at("timeshift_cam_imu").number(-1, 1);
   }
@@ -93,7 +78,7 @@ std::vector<GivenCamera> kalibr_cameras(const YamlNode& root) {
       camera.first_from_camera = Pose{};
     } else if (node.has("T_cn_cnm1") && cameras.back().first_from_camera) {
       camera.first_from_camera =
-          *cameras.back().first_from_camera * rigid_of(node.at("T_cn_cnm1")).inverse();
+          *cameras.back().first_from_camera * rigid_of_rows(node.at("T_cn_cnm1")).inverse();
     }
     cameras.push_back(std::move(camera));
   }
@@ -148,6 +133,34 @@ std::vector<double> numbers_of(const YamlNode& list, std::size_t least, std::siz
     list.fail(fmt::format("must be a list of {} numbers", least));
   }
   return values;
+}
+
+CameraModel pinhole_camera(const YamlNode& node) {
+  if (node.has("camera_model") && node.at("camera_model").text() != "pinhole") {
+    node.at("camera_model").fail("only pinhole is known");
+  }
+  CameraModel camera;
+  const auto size = node.at("resolution").items();
+  if (size.size() != 2) node.at("resolution").fail("must be [width, height]");
+  camera.width = static_cast<int>(size[0].integer(kSmallestSide, kLargestSide));
+  camera.height = static_cast<int>(size[1].integer(kSmallestSide, kLargestSide));
+  set_pinhole(camera, node.at("intrinsics"), numbers_of(node.at("intrinsics"), 4, 4));
+  return camera;
+}
+
+Pose rigid_of(const YamlNode& node, const std::vector<double>& rows) {
+  constexpr double kLongest_m = 5;  // a rig of millimetres has hundreds
+  const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> matrix(rows.data());
+  const auto rotation = checked_rotation(matrix.topLeftCorner<3, 3>());
+  if (!rotation) {
+    node.fail("the left 3x3 numbers are no rotation (row-major, orthonormal, determinant 1)");
+  }
+  const Pose pose{*rotation, matrix.topRightCorner<3, 1>()};
+  if (pose.position.norm() > kLongest_m) {
+    node.fail(fmt::format("the sensor is {:.1f} m from the body; are these millimetres?",
+                          pose.position.norm()));
+  }
+  return pose;
 }
 
 std::vector<GivenCamera> read_calibration(const fs::path& path) {

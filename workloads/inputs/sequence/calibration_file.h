@@ -35,5 +35,9 @@ struct GivenCamera {
 /// Of a list of @p least to @p most numbers, each of up to @p largest.
 [[nodiscard]] std::vector<double> numbers_of(const YamlNode& list, std::size_t least,
                                              std::size_t most, double largest = 1e6);
+/// Size of the pictures, focal lengths and centre, as Kalibr and EuRoC write them.
+[[nodiscard]] CameraModel pinhole_camera(const YamlNode& node);
+/// Of a sensor. @param rows  4 of 4 numbers, one after the other; of @p node, for errors.
+[[nodiscard]] Pose rigid_of(const YamlNode& node, const std::vector<double>& rows);
 
 }  // namespace pirt

@@ -20,6 +20,23 @@ Eigen::Matrix3d rotation_in(const WireReader& in, const std::vector<double>& row
   return *checked;
 }
 
+/// Of rectified pictures P, of others K; both are of the whole sensor.
+CameraModel pinhole_of(const CameraInfoMessage& message, bool rectified) {
+  const auto& from = rectified ? message.p : message.k;
+  const std::size_t row = rectified ? 4 : 3;
+  const double binning_x = std::max(message.binning_x, 1);
+  const double binning_y = std::max(message.binning_y, 1);
+  const int width = message.roi_width > 0 ? message.roi_width : message.width;
+  const int height = message.roi_height > 0 ? message.roi_height : message.height;
+  CameraModel model;
+  model.width = static_cast<int>(width / binning_x);
+  model.height = static_cast<int>(height / binning_y);
+  model.fx = from[0] / binning_x, model.fy = from[row + 1] / binning_y;
+  model.cx = (from[2] - message.roi_x) / binning_x;
+  model.cy = (from[row + 2] - message.roi_y) / binning_y;
+  return model;
+}
+
 }  // namespace
 
 Pose InfoCamera::pose_of(const InfoCamera& right) const {
@@ -111,30 +128,31 @@ std::string set_lens(CameraModel& camera, const std::string& name,
   return "";
 }
 
+bool seems_rectified(const CameraInfoMessage& message) {
+  // In y KITTI's K is off by 0.098 and more, its P by less than 0.04.
+  constexpr double kOff = 0.08, kNear = 0.05, kOtherFocal = 0.1;
+  const CameraModel k = pinhole_of(message, false);
+  const CameraModel p = pinhole_of(message, true);
+  const auto fits = [](double by_k, double by_p, int side) {
+    return std::abs(by_k / side - 0.5) > kOff && std::abs(by_p / side - 0.5) < kNear;
+  };
+  return (fits(k.cx, p.cx, k.width) || fits(k.cy, p.cy, k.height)) &&
+         std::abs(k.fx - p.fx) > kOtherFocal * p.fx;
+}
+
 InfoCamera camera_of(const WireReader& in, const CameraInfoMessage& message, bool rectified) {
   InfoCamera camera;
   camera.is_rectified = rectified;
   camera.rectified_from_raw = rotation_in(in, message.r);
-  CameraModel& model = camera.model;
+  CameraModel& model = camera.model = pinhole_of(message, rectified);
   // Who publishes rectified pictures without P has calibrated none of it.
-  const auto& from = rectified ? message.p : message.k;
-  const std::size_t row = rectified ? 4 : 3;
   // @source  sensor_msgs/CameraInfo: of a camera that is not calibrated K[0] is 0.
-  if (from[0] == 0) {
+  if (model.fx == 0) {
     in.fail(
         fmt::format("says that the camera is not calibrated ({} is 0): calibrate it, or give a "
                     "file that has it: --calibration camchain.yaml",
                     rectified ? "P[0], of rectified pictures," : "K[0]"));
   }
-  const double binning_x = std::max(message.binning_x, 1);
-  const double binning_y = std::max(message.binning_y, 1);
-  const int width = message.roi_width > 0 ? message.roi_width : message.width;
-  const int height = message.roi_height > 0 ? message.roi_height : message.height;
-  model.width = static_cast<int>(width / binning_x);
-  model.height = static_cast<int>(height / binning_y);
-  model.fx = from[0] / binning_x, model.fy = from[row + 1] / binning_y;
-  model.cx = (from[2] - message.roi_x) / binning_x;
-  model.cy = (from[row + 2] - message.roi_y) / binning_y;
   const std::string problem =
       model.width < 16 || model.height < 16 ? "of less than 16 pixels" : no_pinhole(model);
   if (!problem.empty()) {

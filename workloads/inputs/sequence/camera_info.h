@@ -33,6 +33,10 @@ struct InfoCamera {
 [[nodiscard]] InfoCamera camera_of(const WireReader& in, const CameraInfoMessage& message,
                                    bool rectified);
 
+/// Whether P is of pictures of this size and K is not, so that they are rectified whatever their
+/// topic is called, as kitti2bag's: K's centre is far from their middle and P's is not.
+[[nodiscard]] bool seems_rectified(const CameraInfoMessage& message);
+
 /// The rotation nearest to @p matrix; absent if that is none to 1e-3, or mirrors.
 [[nodiscard]] std::optional<Eigen::Matrix3d> checked_rotation(const Eigen::Matrix3d& matrix);
 

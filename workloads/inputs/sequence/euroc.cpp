@@ -11,7 +11,6 @@
 #include <memory>
 
 #include "workloads/base/error.h"
-#include "workloads/base/math/pixel_index.h"
 #include "workloads/inputs/sequence/calibration_file.h"
 #include "workloads/inputs/sequence/camera_info.h"
 #include "workloads/inputs/sequence/imu_check.h"
@@ -24,7 +23,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kLongestExtrinsic_m = 5.0;     // a rig of millimetres has hundreds
 constexpr double kFastestGyro_rad_s = 35.0;     // 2000 degrees/s, where MEMS gyroscopes saturate
 constexpr double kStrongestAccel_m_s2 = 400.0;  // 40 g
 
@@ -40,22 +38,7 @@ YamlNode read_sensor(const fs::path& file) {
 
 Pose read_extrinsics(const YamlNode& sensor) {
   const YamlNode node = sensor.at("T_BS").at("data");
-  const auto m = numbers_of(node, 16, 16);
-  Pose pose;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) pose.rotation(r, c) = m[pixel_index(c, r, 4)];
-    pose.position(r) = m[pixel_index(3, r, 4)];
-  }
-  const auto rotation = checked_rotation(pose.rotation);
-  if (!rotation) {
-    node.fail("the left 3x3 numbers are no rotation (row-major, orthonormal, determinant 1)");
-  }
-  if (pose.position.norm() > kLongestExtrinsic_m) {
-    node.fail(fmt::format("the sensor is {:.1f} m from the body; are these millimetres?",
-                          pose.position.norm()));
-  }
-  pose.rotation = *rotation;
-  return pose;
+  return rigid_of(node, numbers_of(node, 16, 16));
 }
 
 struct Stamped {
@@ -267,18 +250,7 @@ void read_imu(const fs::path& root, Sequence& sequence) {
 
 CameraModel read_camera_yaml(const fs::path& file) {
   const YamlNode sensor = read_sensor(file);
-  CameraModel camera;
-  const auto size = sensor.at("resolution").items();
-  if (size.size() != 2) sensor.at("resolution").fail("must be [width, height]");
-  camera.width = static_cast<int>(size[0].integer(16, 20000));
-  camera.height = static_cast<int>(size[1].integer(16, 20000));
-  if (sensor.has("camera_model") && sensor.at("camera_model").text() != "pinhole") {
-    sensor.at("camera_model").fail("only pinhole is known");
-  }
-  const auto pinhole = numbers_of(sensor.at("intrinsics"), 4, 4, 1e5);
-  camera.fx = pinhole[0], camera.fy = pinhole[1], camera.cx = pinhole[2], camera.cy = pinhole[3];
-  const auto no_camera = no_pinhole(camera);
-  if (!no_camera.empty()) sensor.at("intrinsics").fail(no_camera);
+  CameraModel camera = pinhole_camera(sensor);
   const auto model = sensor.has("distortion_model") ? sensor.at("distortion_model").text()
                                                     : std::string("radial-tangential");
   if (model != "radial-tangential" && model != "equidistant") {

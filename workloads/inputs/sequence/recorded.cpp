@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cmath>
 #include <functional>
 #include <map>
 #include <memory>
@@ -17,6 +18,7 @@
 #include "workloads/inputs/recording/recording.h"
 #include "workloads/inputs/sequence/imu_check.h"
 #include "workloads/inputs/sequence/recorded_calibration.h"
+#include "workloads/inputs/sequence/recorded_imu.h"
 #include "workloads/inputs/sequence/stamps.h"
 #include "workloads/inputs/sequence/transforms.h"
 
@@ -48,22 +50,6 @@ struct ImuTopic {
   std::string frame = {};
   std::vector<ImuSample> samples = {};
 };
-
-/// Topics of one folder that are called so are one camera's, the first the plainest of them.
-constexpr std::array<std::string_view, 6> kSameCamera = {
-    "image_raw", "image_mono", "image_color", "image_rect", "image_rect_color", "image_rect_mono"};
-
-/// Whether @p other shows nothing that @p topic does not.
-bool is_same_camera(const std::string& topic, const std::string& other) {
-  const auto rank = [](const std::string& base) {
-    return std::ranges::find(kSameCamera, base.substr(base.rfind('/') + 1)) - kSameCamera.begin();
-  };
-  const std::string a = base_topic(topic);
-  const std::string b = base_topic(other);
-  if (a == b) return topic.size() < other.size();
-  return folder_of(a) == folder_of(b) && !folder_of(a).empty() && rank(a) < rank(b) &&
-         rank(b) < std::ssize(kSameCamera);
-}
 
 class Reader {
  public:
@@ -130,6 +116,27 @@ class Reader {
     truth_topic_ = find_truth();
   }
 
+  [[nodiscard]] bool is_static(std::size_t id) const {
+    return topic(id).name.ends_with("tf_static");
+  }
+
+  /// Those of the left camera's robot, in whose folder it is; of either name all where none is.
+  [[nodiscard]] std::vector<std::size_t> transform_topics() const {
+    const auto all = recording_->of_type(TransformMessage::kType);
+    const auto is_own = [this](std::size_t id) {
+      const std::string folder = folder_of(topic(id).name);
+      return folder.empty() || topic(cameras_.front().topic).name.starts_with(folder + "/");
+    };
+    auto used = all;
+    std::erase_if(used, [&](std::size_t id) {
+      return !is_own(id) && std::ranges::any_of(all, [&](std::size_t other) {
+        return is_own(other) && is_static(other) == is_static(id) &&
+               !folder_of(topic(other).name).empty();
+      });
+    });
+    return used;
+  }
+
   /// Those of all topics that are used, in one pass.
   void read_messages() {
     constexpr std::uint64_t kHead = 4096;
@@ -142,11 +149,11 @@ class Reader {
       wanted.push_back({id, most});
       reads[id] = std::move(by);
     };
-    for (const std::size_t id : recording_->of_type(TransformMessage::kType)) {
+    for (const std::size_t id : transform_topics()) {
       read(id, Recording::kWhole, [this, id](const Open& open) {
         if_usable(id, [&] {
           auto in = open();
-          transforms_.add(read_transforms(in), topic(id).name.ends_with("tf_static"));
+          transforms_.add(read_transforms(in), is_static(id));
         });
       });
     }
@@ -269,78 +276,21 @@ class Reader {
     rate_hz = usual_rate_hz(stamps_of(camera.pictures), rate_hz);
   }
 
-  struct Inertial {
-    std::size_t topic = 0;
-    bool has_gyro = false, has_accel = false;
-  };
-  [[nodiscard]] Inertial look_at_imu(std::size_t id) const {
-    const auto message =
-        first_message(*recording_, id, [](WireReader& in) { return ::pirt::read_imu(in); });
-    return {id, message.has_gyro, message.has_accel};
-  }
-
   /// One topic, or the gyroscope's and the accelerometer's; none if there is no IMU.
   [[nodiscard]] std::vector<std::size_t> find_imu() const {
-    std::vector<Inertial> found;
     if (!options_.imu || chosen_.imu == kNone) return {};
-    if (chosen_.imu) {
-      for (const auto& name : split(*chosen_.imu, '+')) {
-        found.push_back(look_at_imu(checked(name, {ImuMessage::kType})));
-      }
-    } else {
-      for (const auto each : recording_->of_type(ImuMessage::kType)) {
-        found.push_back(look_at_imu(each));
-      }
+    if (!chosen_.imu) return imu_among(*recording_, recording_->of_type(ImuMessage::kType));
+    std::vector<std::size_t> named;
+    for (const auto& name : split(*chosen_.imu, '+')) {
+      named.push_back(checked(name, {ImuMessage::kType}));
     }
-    if (found.empty()) return {};
-    std::vector<std::size_t> whole, gyros, accels;
-    std::vector<std::string> names;
-    for (const Inertial& each : found) {
-      if (each.has_gyro && each.has_accel) {
-        whole.push_back(each.topic);
-        names.push_back(topic(each.topic).name);
-      } else if (each.has_gyro) {
-        gyros.push_back(each.topic);
-      } else if (each.has_accel) {
-        accels.push_back(each.topic);
-      }
-    }
-    if (whole.size() > 1) {
-      fail(fmt::format("has {} topics of {}; choose one: --topics imu={}, or none: {}",
-                       whole.size(), ImuMessage::kType, names.front(), join(names, ", ")));
-    }
-    if (whole.size() == 1) return whole;
-    if (gyros.size() == 1 && accels.size() == 1) return {gyros[0], accels[0]};
-    const std::string& first = topic(found.front().topic).name;
-    fail(fmt::format(
-        "has no whole IMU: {} has no {} (covariance[0] is -1); name the topics of gyroscope and "
-        "accelerometer, --topics imu={}+OTHER, or run without: imu=none",
-        first, found.front().has_gyro ? "linear acceleration" : "angular velocity", first));
-  }
-
-  /// Puts the accelerometer's, between two of them, to the gyroscope's.
-  void join_samples(std::vector<ImuSample>& samples, const std::vector<ImuSample>& accels,
-                    const Eigen::Matrix3d& turn) const {
-    std::vector<ImuSample> joined;
-    for (ImuSample& sample : samples) {
-      const auto after = std::ranges::lower_bound(accels, sample.time, {}, &ImuSample::time);
-      if (after == accels.begin() || after == accels.end()) continue;
-      const ImuSample& a = *(after - 1);
-      constexpr Nanos kLongest = std::chrono::milliseconds(100);
-      if (after->time - a.time > kLongest) continue;
-      const double part = to_s(sample.time - a.time) / to_s(after->time - a.time);
-      sample.accel_m_s2 = turn * ((1 - part) * a.accel_m_s2 + part * after->accel_m_s2);
-      joined.push_back(sample);
-    }
-    samples = std::move(joined);
+    return imu_among(*recording_, named);
   }
 
   void read_inertial() {
     if (imus_.empty()) return;
     const std::string& name = topic(imus_[0].topic).name;
     const std::string& frame = imus_[0].frame;
-    for (ImuTopic& each : imus_) order(each.samples, each.topic);
-    auto samples = std::move(imus_[0].samples);
     const auto& given = cameras_.front().calibration.given;
     const bool is_placed = given && given->body_from_camera;
     // Two that name no frame are not in the same one.
@@ -354,6 +304,8 @@ class Reader {
           fmt::format("{} is not used: {}, so that nobody knows where the IMU sits", name, why));
       return;
     }
+    for (ImuTopic& each : imus_) order(each.samples, each.topic);
+    auto samples = std::move(imus_[0].samples);
     if (imus_.size() > 1) {
       const std::string& other = topic(imus_[1].topic).name;
       const auto place = transforms_.between(frame, imus_[1].frame);
@@ -389,13 +341,26 @@ class Reader {
       Camera& right = cameras_[1];
       const InfoCamera& left_info = left.calibration.camera;
       const InfoCamera& right_info = right.calibration.camera;
+      const Pose& origin = left.model().body_from_camera;
+      Pose& placed = right.model().body_from_camera;
+      const bool has_tf =
+          right.frame != left.frame && transforms_.between(body_, right.frame).has_value();
+      const bool has_info = right_info.right_m > left_info.right_m;
+      const Pose by_info = left_info.pose_of(right_info);
       if (const auto from_right = left_from_right()) {
-        right.model().body_from_camera = left.model().body_from_camera * *from_right;
-      } else if (right.frame != left.frame && transforms_.between(body_, right.frame)) {
-        right.model().body_from_camera = place(right);
-      } else if (right_info.right_m > left_info.right_m) {
-        right.model().body_from_camera =
-            left.model().body_from_camera * left_info.pose_of(right_info);
+        placed = origin * *from_right;
+      } else if (has_tf) {
+        placed = place(right);
+        // Projections of two rigs are of different cameras.
+        const auto rig_of = [this](const Camera& camera) {
+          return folder_of(folder_of(base_topic(topic(camera.topic).name)));
+        };
+        if (has_info && rig_of(left) == rig_of(right) &&
+            differ(origin.inverse() * placed, by_info)) {
+          placed = origin * by_info;
+        }
+      } else if (has_info) {
+        placed = origin * by_info;
       } else {
         sequence_.warnings.push_back(
             topic(right.topic).name +
@@ -404,6 +369,26 @@ class Reader {
       }
     }
     for (const Camera& camera : cameras_) sequence_.cameras.push_back(camera.model());
+  }
+
+  /// Of the right camera in the left one's axes. A simulator may name frames that are not those of
+  /// pictures, whose z is ahead.
+  [[nodiscard]] bool differ(const Pose& by_tf, const Pose& by_info) {
+    constexpr double kPart = 0.2, kTurn_deg = 3;
+    const double apart_m = (by_tf.position - by_info.position).norm();
+    const double turn_deg =
+        angle_of(by_tf.rotation.transpose() * by_info.rotation) * kDegreesPerRadian;
+    if (apart_m <= kPart * by_info.position.norm() && turn_deg <= kTurn_deg) return false;
+    const auto text = [](const Eigen::Vector3d& at) {
+      return fmt::format("({:.3f}, {:.3f}, {:.3f}) m", at.x(), at.y(), at.z());
+    };
+    sequence_.warnings.push_back(fmt::format(
+        "{} is at {} of {} by /tf_static and at {} by their projections, turned by {:.1f} degrees "
+        "between the two: the projections are taken; are the frames those of the pictures, z "
+        "ahead?",
+        topic(cameras_[1].topic).name, text(by_tf.position), topic(cameras_[0].topic).name,
+        text(by_info.position), turn_deg));
+    return true;
   }
 
   /// As a file says it.
@@ -535,7 +520,8 @@ class Reader {
   void order(std::vector<Row>& rows, std::size_t id, double finest_s = kFinest_s) {
     const auto none =
         std::ranges::count_if(rows, [](const Row& row) { return row.time == Nanos::zero(); });
-    if (2 * none > std::ssize(rows)) {
+    const bool has_stamps = 2 * none <= std::ssize(rows);
+    if (!has_stamps) {
       for (std::size_t i = 0; i < rows.size(); ++i) {
         if (rows[i].time != kUnusable) rows[i].time = recording_->time(id, i);
       }
@@ -548,10 +534,77 @@ class Reader {
     if (unusable != unusable_.end() && 2 * unusable->second.count > rows.size()) {
       throw_bad_input(unusable->second.first);
     }
-    std::erase_if(rows, [](const Row& row) { return row.time == kUnusable; });
-    keep_rising(rows, topic(id).name, sequence_.warnings, Nanos::zero());
+    const auto recorded = keep_window(rows, id);
+    const auto stamps = stamps_of(rows);
+    const auto [begin, end] = keep_rising(rows, topic(id).name, sequence_.warnings, Nanos::zero());
+    if (id == cameras_.front().topic) {
+      // Where all were recorded at one time that tells no runs apart.
+      if (begin > 0 && recorded[begin - 1] < recorded[begin]) window_.first = recorded[begin - 1];
+      if (end < recorded.size() && recorded[end - 1] < recorded[end])
+        window_.second = recorded[end];
+      span_ = {recorded[begin], recorded[end - 1]};
+    }
+    if (has_stamps) compare_clock(id, recorded, stamps);
     check_step("'" + recording_->file() + "': " + topic(id).name, stamps_of(rows), std::nullopt,
                finest_s);
+  }
+
+  /// Takes out what cannot be used, and what is of another run of the left camera's clock.
+  /// @return  When those that are left were recorded.
+  template <typename Row>
+  [[nodiscard]] std::vector<Nanos> keep_window(std::vector<Row>& rows, std::size_t id) {
+    std::vector<Nanos> recorded;
+    std::size_t outside = 0;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      if (rows[i].time == kUnusable) continue;
+      const Nanos at = recording_->time(id, i);
+      if (window_.first < at && at < window_.second) {
+        recorded.push_back(at);
+      } else {
+        rows[i].time = kUnusable;
+        ++outside;
+      }
+    }
+    const std::string& left = topic(cameras_.front().topic).name;
+    if (recorded.empty()) {
+      fail(
+          fmt::format("has no message of {} in the run of {} that is used; choose another topic, "
+                      "or none (--topics)",
+                      topic(id).name, left));
+    }
+    if (outside > 0) {
+      sequence_.warnings.push_back(
+          fmt::format("{} of {} messages of {} were recorded in other runs of {}, and are not used",
+                      outside, rows.size(), topic(id).name, left));
+    }
+    std::erase_if(rows, [](const Row& row) { return row.time == kUnusable; });
+    return recorded;
+  }
+
+  /// With the left camera's, by how long before they are recorded the two stamp their messages.
+  void compare_clock(std::size_t id, const std::vector<Nanos>& recorded,
+                     const std::vector<Nanos>& stamps) {
+    constexpr double kMost_s = 0.25;
+    std::vector<double> delays_s;
+    for (std::size_t i = 0; i < stamps.size(); ++i) {
+      if (stamps[i] > Nanos::zero() && span_.first <= recorded[i] && recorded[i] <= span_.second) {
+        delays_s.push_back(to_s(recorded[i]) - to_s(stamps[i]));
+      }
+    }
+    constexpr std::ptrdiff_t kLeast = 3;  // What is said once may be said again.
+    if (std::ssize(delays_s) < kLeast) return;
+    // A clock of another pace, as a converter's or none, tells nothing of the stamps'.
+    const bool stays = std::abs(delays_s.back() - delays_s.front()) <=
+                       std::max(kMost_s, 0.01 * to_s(span_.second - span_.first));
+    const auto middle = delays_s.begin() + std::ssize(delays_s) / 2;
+    std::ranges::nth_element(delays_s, middle);
+    const std::size_t left = cameras_.front().topic;
+    if (id == left && stays) left_delay_s_ = *middle;
+    if (!left_delay_s_ || std::abs(*middle - *left_delay_s_) <= kMost_s) return;
+    sequence_.warnings.push_back(
+        fmt::format("stamps of {} are usually {:.3f} s before they were recorded, those of {} "
+                    "{:.3f} s: are these two clocks?",
+                    topic(id).name, *middle, topic(left).name, *left_delay_s_));
   }
 
   std::shared_ptr<const Recording> recording_;
@@ -569,6 +622,10 @@ class Reader {
   std::map<std::size_t, Unusable> unusable_;  ///< Messages by topic.
   std::string truth_frame_;                   ///< Whose pose it is, where the type says it.
   std::string body_;                          ///< Frame of coordinates.
+  /// Of the left camera by the recorder's clock: between the pictures of other runs that are next
+  /// to its run, and from that one's first picture to its last.
+  std::pair<Nanos, Nanos> window_{Nanos::min(), Nanos::max()}, span_;
+  std::optional<double> left_delay_s_;  ///< From its stamps to when they were recorded, usually.
   Sequence sequence_;
 };
 

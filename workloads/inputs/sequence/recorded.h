@@ -18,11 +18,13 @@ namespace pirt {
 /// first, whose first messages are grey or coloured pictures of 8 bits; frames are those of the
 /// left one, and a picture of the right belongs to the frame that is nearest (stamps.h).
 /// Calibrations are the sensor_msgs/CameraInfo beside each (camera_info.h); where sensors sit says
-/// /tf_static, or what of /tf never changes, with the IMU as body, or, without one, the left
-/// camera. An IMU may be two topics, of its gyroscope and its accelerometer. Truth is a pose of the
-/// body on a topic that is chosen or has truth in its name, else the only geometry_msgs/PoseStamped
-/// that is no goal. Stamps are those of messages; where most of a topic's are 0, the times of
-/// recording. What cannot be used is left out with a warning; how noisy the IMU is no message says:
+/// /tf_static, or what of /tf never changes, of several robots in the left camera's folder, with
+/// the IMU as body, or, without one, the left camera; where a pair's projections say otherwise,
+/// they count. An IMU may be two topics, of its gyroscope and its accelerometer. Truth is a pose of
+/// the body on a topic that is chosen or has truth in its name, else the only
+/// geometry_msgs/PoseStamped that is no goal. Stamps are those of messages; where most of a topic's
+/// are 0, the times of recording. Of a clock that begins anew the left camera's longest run counts
+/// for all. What cannot be used is left out with a warning; how noisy the IMU is no message says:
 /// ImuModel's defaults are taken. A calibration that is given says what CameraInfo would, by the
 /// topics that it names, else left first; with the IMU as body.
 /// @throws Error{kBadInput} naming the topics that there are if one is missing or several could be

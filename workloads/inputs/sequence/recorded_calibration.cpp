@@ -16,6 +16,10 @@ bool is_rectified(const std::string& topic) {
   return base.substr(base.rfind('/') + 1).starts_with("image_rect");
 }
 
+/// Topics of one folder that are called so are one camera's, the first the plainest of them.
+constexpr std::array<std::string_view, 6> kSameCamera = {
+    "image_raw", "image_mono", "image_color", "image_rect", "image_rect_color", "image_rect_mono"};
+
 std::array<double, 8> lens_of(const CameraModel& model) {
   return {model.k1, model.k2, model.p1, model.p2, model.k3, model.k4, model.k5, model.k6};
 }
@@ -43,6 +47,17 @@ std::string folder_of(const std::string& topic) {
 std::string base_topic(const std::string& topic) {
   const bool is_part = topic.ends_with("/compressed") || topic.ends_with("/compressedDepth");
   return is_part ? folder_of(topic) : topic;
+}
+
+bool is_same_camera(const std::string& topic, const std::string& other) {
+  const auto rank = [](const std::string& base) {
+    return std::ranges::find(kSameCamera, base.substr(base.rfind('/') + 1)) - kSameCamera.begin();
+  };
+  const std::string a = base_topic(topic);
+  const std::string b = base_topic(other);
+  if (a == b) return topic.size() < other.size();
+  return folder_of(a) == folder_of(b) && !folder_of(a).empty() && rank(a) < rank(b) &&
+         rank(b) < std::ssize(kSameCamera);
 }
 
 RecordedCalibrations::RecordedCalibrations(const Recording& recording,
@@ -118,12 +133,22 @@ RecordedCalibration RecordedCalibrations::of(const std::string& name, std::size_
     camera = camera_of(in, read, is_rectified(name));
     return read;
   });
-  const CameraModel last = last_message(recording_, *info, [&](WireReader& in) {
-    return camera_of(in, read_camera_info(in), is_rectified(name)).model;
+  const std::size_t count = recording_.topics()[*info].messages;
+  const CameraModel last = first_usable(count, [&](std::size_t i) {
+    return read_message(recording_, *info, count - 1 - i, [&](WireReader& in) {
+      return camera_of(in, read_camera_info(in), is_rectified(name)).model;
+    });
   });
   if (is_other(camera.model, last)) {
     warnings.push_back(fmt::format("{} changes; the first is used for all pictures of {}",
                                    recording_.topics()[*info].name, name));
+  }
+  if (!is_rectified(name) && seems_rectified(message)) {
+    warnings.push_back(fmt::format(
+        "the pictures of {} seem to be rectified, since P of {} has its centre near "
+        "their middle and K, which is used, has not; if straight lines are straight in "
+        "them, give a calibration that is P's, with no lens: --calibration camchain.yaml",
+        name, recording_.topics()[*info].name));
   }
   // As image_geometry takes it; a simulated camera has none, but a driver may not know it.
   if (message.d.empty() && !is_rectified(name)) {

@@ -18,6 +18,8 @@ namespace pirt {
 [[nodiscard]] std::string folder_of(const std::string& topic);
 /// Without image_transport's part: "/cam0/image_raw" of "/cam0/image_raw/compressed".
 [[nodiscard]] std::string base_topic(const std::string& topic);
+/// Whether @p other shows nothing that @p topic does not.
+[[nodiscard]] bool is_same_camera(const std::string& topic, const std::string& other);
 
 template <typename Read>
 [[nodiscard]] auto read_message(const Recording& recording, std::size_t topic, std::size_t i,
@@ -34,14 +36,6 @@ template <typename Read>
   constexpr std::size_t kTried = 100;
   return first_usable(std::min(kTried, recording.topics()[topic].messages),
                       [&](std::size_t i) { return read_message(recording, topic, i, read); });
-}
-
-/// Of the last one that is one.
-template <typename Read>
-[[nodiscard]] auto last_message(const Recording& recording, std::size_t topic, const Read& read) {
-  const std::size_t count = recording.topics()[topic].messages;
-  return first_usable(
-      count, [&](std::size_t i) { return read_message(recording, topic, count - 1 - i, read); });
 }
 
 struct RecordedCalibration {

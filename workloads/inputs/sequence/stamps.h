@@ -72,16 +72,19 @@ template <typename Row>
                                                           std::vector<std::string>& warnings);
 /// What comes twice or late was recorded so: it is left out, and said; so is what is of another
 /// run.
+/// @return  Which run is kept, as one_run.
 template <typename Row>
-void keep_rising(std::vector<Row>& rows, const std::string& what,
-                 std::vector<std::string>& warnings, Nanos after = Nanos::min()) {
-  const auto [begin, end] = one_run(what, stamps_of(rows), warnings);
-  rows.erase(rows.begin() + static_cast<std::ptrdiff_t>(end), rows.end());
-  rows.erase(rows.begin(), rows.begin() + static_cast<std::ptrdiff_t>(begin));
+std::pair<std::size_t, std::size_t> keep_rising(std::vector<Row>& rows, const std::string& what,
+                                                std::vector<std::string>& warnings,
+                                                Nanos after = Nanos::min()) {
+  const auto run = one_run(what, stamps_of(rows), warnings);
+  rows.erase(rows.begin() + static_cast<std::ptrdiff_t>(run.second), rows.end());
+  rows.erase(rows.begin(), rows.begin() + static_cast<std::ptrdiff_t>(run.first));
   std::vector<Row> kept;
   for (const std::size_t i : rising(stamps_of(rows), after)) kept.push_back(std::move(rows[i]));
   tell_of_rising(what, kept.size(), rows.size(), warnings);
   rows = std::move(kept);
+  return run;
 }
 
 /// Of each left picture the position of the right one.

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 #include "workloads/base/error.h"
 #include "workloads/inputs/sequence/stamps.h"
@@ -96,9 +97,10 @@ std::string tum_text(std::span<const StampedPose> trajectory) {
   for (const auto& [time, body] : trajectory) {
     const Eigen::Quaterniond q(body.rotation);
     const auto ns = time.count();
-    text += fmt::format("{}.{:09} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n",
-                        ns / 1'000'000'000, ns % 1'000'000'000, body.position.x(),
-                        body.position.y(), body.position.z(), q.x(), q.y(), q.z(), q.w());
+    text += fmt::format("{}{}.{:09} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n",
+                        ns < 0 ? "-" : "", std::abs(ns / 1'000'000'000),
+                        std::abs(ns % 1'000'000'000), body.position.x(), body.position.y(),
+                        body.position.z(), q.x(), q.y(), q.z(), q.w());
   }
   return text;
 }
