@@ -32,13 +32,10 @@ std::string describe_options(const UnitModel& unit) {
   return join(parts, ", ");
 }
 
-/// Of the program and of the modules that it loads: what a commit does not say of what was built
-/// with changes.
+/// Of what the program computes with: what a commit does not say of what was built with changes.
 std::string program_hash(const std::filesystem::path& program) {
   Hash64 hash;
-  std::vector<std::filesystem::path> files = modules();
-  files.insert(files.begin(), program);
-  for (const auto& file : files) hash.add(read_file(file, kAnySize));
+  for (const auto& file : program_files(program)) hash.add(read_file(file, kAnySize));
   return fmt::format("{:016x}", hash.value());
 }
 

@@ -1,13 +1,11 @@
 #include "characterize/duet/commands.h"
 
 #include <fmt/core.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <span>
-#include <string_view>
 #include <utility>
 
 #include "workloads/base/error.h"
@@ -28,27 +26,14 @@ ProcessRequest request_of(const std::vector<std::string>& words, const DuetComma
   return request;
 }
 
-/// Contents of the files that the words behind the program name, by themselves ("x.yaml"), behind
-/// a '=' or within a script (sh -c '...'); of programs among them also the libraries beside them.
+/// Contents of the files that the words behind the program name; of programs among them also the
+/// libraries beside them.
 std::map<std::string, std::string> named_files(const std::vector<std::string>& words) {
   std::map<std::string, std::string> contents;
-  const auto add = [&contents](const std::string& name) {
-    if (name.empty() || contents.contains(printable(name))) return;
-    const auto program = try_find_program(name);
-    const std::filesystem::path file = program.value_or(name);
-    std::error_code ignored;
-    const bool is_file = std::filesystem::is_regular_file(file, ignored);
-    if (!is_file || ::access(file.c_str(), R_OK) != 0) return;
-    contents[printable(name)] = program ? json_text(built_key(file)) : content_key(file);
-  };
-  for (std::string word : std::span(words).subspan(1)) {
-    add(word);
-    add(word.substr(word.find('=') + 1));
-    std::ranges::replace_if(
-        word,
-        [](char c) { return std::string_view("\t\n;|&()<>='\"`").find(c) != std::string::npos; },
-        ' ');
-    for (const std::string& part : split(word, ' ')) add(part);
+  for (const CommandFile& each : files_named_by(std::span(words).subspan(1))) {
+    const std::string name = printable(each.name);
+    if (contents.contains(name)) continue;
+    contents[name] = each.is_program ? json_text(built_key(each.file)) : content_key(each.file);
   }
   return contents;
 }

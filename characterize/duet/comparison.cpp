@@ -62,10 +62,14 @@ std::optional<std::array<double, 4>> times_of(const std::vector<Seconds>& second
   return times;
 }
 
+Measure measure_of(const Sample& sample, const std::string& figure) {
+  const auto found = sample.measures.find(figure);
+  return found == sample.measures.end() ? Measure{"s"} : found->second;
+}
+
 /// "ms, lower is better".
 std::string measure_text(const Sample& sample, const std::string& figure) {
-  const auto found = sample.measures.find(figure);
-  const Measure measure = found == sample.measures.end() ? Measure{"s"} : found->second;
+  const Measure measure = measure_of(sample, figure);
   return measure.unit + (measure.higher_is_better ? ", higher is better" : ", lower is better");
 }
 
@@ -75,6 +79,19 @@ std::string differing_figure(const Sample& a, const Sample& b) {
     if (b.seconds.contains(name) && measure_text(a, name) != measure_text(b, name)) return name;
   }
   return "";
+}
+
+/// Adds the runs of a block, in their @p order, that had no such figure.
+void add_without(const std::string& order, const std::vector<Seconds>& seconds,
+                 const std::string& phase, const Measure& measure, RunsWithout& without) {
+  for (std::size_t i = 0; i < seconds.size(); ++i) {
+    const bool is_there = seconds[i].contains(phase);
+    if (is_there && time_of(seconds[i], phase)) continue;
+    // Of what less is better a 0 is the best there is: the other side lacks it.
+    const bool is_best = is_there && !measure.higher_is_better;
+    const bool is_base = (order[i] == 'A') != is_best;
+    ++without[index_of(is_base ? Side::kBaseline : Side::kCandidate)];
+  }
 }
 
 bool is_part_of_call(const std::string& phase) {
@@ -261,13 +278,14 @@ void DuetComparison::block(DuetCellState& state, const Event& event) {
   const bool canary = order == "AAAA";
   if (!canary && order != "ABBA" && order != "BAAB") throw_bad_input("no such order: " + order);
   processes_ += 4;
-  if (state.series.empty()) start_series(state, seconds);
+  if (state.series.empty()) start_series(state, order, seconds);
   const std::size_t table = series_count();
   for (auto& [phase, series] : state.series) {
     const auto times = times_of(seconds, phase);
     if (!times) {
-      series.without += canary ? 0 : 1;
-      if (series.without == kMostWithout) series.rule.give_up();
+      if (canary) continue;
+      add_without(order, seconds, phase, series.measure, series.runs_without);
+      if (++series.without == kMostWithout) series.rule.give_up();
       continue;
     }
     const double ratio =
@@ -286,7 +304,8 @@ void DuetComparison::block(DuetCellState& state, const Event& event) {
 
 /// Of the figures that every process has, of commands the first of each, too; of phases, parts of a
 /// call only if they are more than a trifle of it.
-void DuetComparison::start_series(DuetCellState& state, const std::vector<Seconds>& seconds) {
+void DuetComparison::start_series(DuetCellState& state, const std::string& order,
+                                  const std::vector<Seconds>& seconds) {
   if (!state.checks[0] || !state.checks[1]) throw_bad_input("a block before the first processes");
   const Seconds& of_base = state.checks[0]->seconds;
   const Seconds& of_candidate = state.checks[1]->seconds;
@@ -307,7 +326,13 @@ void DuetComparison::start_series(DuetCellState& state, const std::vector<Second
     const bool candidate_has = time_of(of_candidate, phase).has_value();
     if (!times || !(has_phases || (base_has && candidate_has))) {
       // Of what only one has the checks tell.
-      if (!has_phases && base_has == candidate_has) state.passing.insert(phase);
+      if (!has_phases && base_has == candidate_has) {
+        RunsWithout& without = state.passing[phase];
+        const Sample& knows = *state.checks[of_base.contains(phase) ? 0 : 1];
+        const Measure measure = measure_of(knows, phase);
+        add_without(order, seconds, phase, measure, without);
+        add_without("AB", {of_base, of_candidate}, phase, measure, without);
+      }
       continue;
     }
     const bool trifle =
@@ -317,8 +342,7 @@ void DuetComparison::start_series(DuetCellState& state, const std::vector<Second
     const bool setup = has_phases && is_setup(phase);
     DuetSeries series;
     if (setup) series.rule = DuetRule(setup_thresholds());
-    const auto measure = state.checks[0]->measures.find(phase);
-    if (measure != state.checks[0]->measures.end()) series.measure = measure->second;
+    series.measure = measure_of(*state.checks[0], phase);
     state.series.emplace(phase, std::move(series));
   }
   if (state.series.empty()) state.not_comparable = "the programs have no phase in common";

@@ -34,12 +34,17 @@ struct DuetStep {
   SampleKind sample = SampleKind::kTimed;  ///< What each of them does.
 };
 
+/// Runs by side that lacked a figure: it was missing, 0 though more of it is better, or the other
+/// side's was 0 though less of it is.
+using RunsWithout = std::array<std::size_t, 2>;
+
 /// One phase of a cell.
 struct DuetSeries {
   DuetRule rule;
   std::vector<double> base_s, candidate_s;  ///< Of each process, in what `measure` says, or
                                             ///< seconds; canaries are not in it.
   std::size_t without = 0;                  ///< Blocks in which it had no time.
+  RunsWithout runs_without = {};            ///< Of those blocks.
   Measure measure = {"s"};
 };
 
@@ -51,7 +56,7 @@ struct DuetCellState {
   std::string not_comparable;           ///< Empty = it is.
   std::map<std::string, DuetSeries> series;
   /// Figures of commands that some of the first processes of both have above 0, and others not.
-  std::set<std::string> passing;
+  std::map<std::string, RunsWithout> passing;
   std::size_t blocks = 0, canaries = 0;
 
   [[nodiscard]] bool ended() const;    ///< Nothing can be measured any more.
@@ -96,7 +101,7 @@ class DuetComparison {
   DuetCellState& cell_of(const Event& event);
   void check(DuetCellState& state, const Event& event);
   void block(DuetCellState& state, const Event& event);
-  void start_series(DuetCellState& state,
+  void start_series(DuetCellState& state, const std::string& order,
                     const std::vector<std::map<std::string, double>>& seconds);
   [[nodiscard]] std::size_t turn_of(const DuetCellState& state) const;
   /// Of all cells. Cells take turns, so that long before a confirmation all of them have theirs.

@@ -21,6 +21,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
 #include "workloads/base/system/cores.h"
+#include "workloads/base/system/module.h"
 #include "workloads/base/system/thread.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
@@ -278,12 +279,20 @@ std::string machine_key() {
 
 Ledger::Event built_key(const std::filesystem::path& program) {
   std::map<std::string, std::string> contents;
-  std::error_code ignored;  // Who may only run what is there does not see it.
-  const auto folder = std::filesystem::canonical(program).parent_path();
-  for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
-    const std::string name = entry.path().filename();
-    const bool is_library = name.ends_with(".so") || name.find(".so.") != std::string::npos;
-    if (is_library && entry.is_regular_file()) contents[name] = content_key(entry.path());
+  const auto file = std::filesystem::canonical(program);
+  for (const auto& folder : module_folders(file)) {
+    const bool is_beside = folder == file.parent_path();
+    if (!is_beside && file.filename() != "pirt")
+      continue;               // of other programs they are the system's
+    std::error_code ignored;  // Who may only run what is there does not see it.
+    for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+      const std::string name = entry.path().filename();
+      const bool is_library = name.ends_with(".so") || name.find(".so.") != std::string::npos;
+      if (is_library && (is_beside || name.starts_with("libpirt")) && !contents.contains(name) &&
+          entry.is_regular_file()) {
+        contents[name] = content_key(entry.path());
+      }
+    }
   }
   contents["program"] = content_key(program);
   return contents;

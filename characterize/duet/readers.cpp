@@ -7,6 +7,7 @@
 #include <charconv>
 #include <cmath>
 #include <map>
+#include <string_view>
 
 #include "characterize/published/google_benchmark.h"
 #include "characterize/statistics/rank_tests.h"
@@ -136,6 +137,17 @@ std::vector<std::string> words_of(const std::string& line) {
   return words;
 }
 
+/// Whether most figures in it are better the more they are: "MB/s", "fps", "GFLOPS".
+bool is_rate(std::string unit) {
+  constexpr std::array<std::string_view, 7> kRates = {"hz",  "khz", "mhz", "ghz",
+                                                      "fps", "qps", "ips"};
+  std::ranges::transform(unit, unit.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return unit.ends_with("/s") || unit.ends_with("/sec") || unit.ends_with("flops") ||
+         std::ranges::find(kRates, unit) != kRates.end();
+}
+
 Sample read_lines(const ProcessResult& process) {
   Figures figures;
   int number = 0;
@@ -155,6 +167,9 @@ Sample read_lines(const ProcessResult& process) {
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (error != std::errc() || end != text.data() + text.size()) {
       fail("'" + text + "' is no number");
+    }
+    if (words.size() == 3 && is_rate(words[2])) {
+      fail("more is better of most rates: say lower or higher");
     }
     const std::string direction = words.size() == 4 ? words[3] : "lower";
     if (direction != "lower" && direction != "higher") fail("'" + direction + "' is no direction");

@@ -34,6 +34,17 @@ std::string undecided_reason(const DuetCellState& state, const DuetRule& rule, D
                      end == DuetEnd::kStopped ? "interrupted" : "the time was up", blocks);
 }
 
+/// What to say where the candidate had no figure more often than the baseline: what is left may be
+/// its best runs. Empty if it had not.
+std::string without_text(const RunsWithout& runs) {
+  const auto [of_base, of_candidate] = runs;
+  if (of_candidate <= of_base) return "";
+  return fmt::format(
+      "{} of the candidate's runs lacked the figure, or a 0 that is the best there is, {} of the "
+      "baseline's",
+      of_candidate, of_base);
+}
+
 GateRow series_row(const DuetCellState& state, const std::string& phase, const DuetSeries& series,
                    DuetEnd end) {
   GateRow row{.workload = state.cell.workload, .unit = state.cell.unit, .phase = phase};
@@ -51,6 +62,11 @@ GateRow series_row(const DuetCellState& state, const std::string& phase, const D
       row.reason = undecided_reason(state, rule, end);
       break;
     case DuetVerdict::kNotSlower:
+      row.reason = without_text(series.runs_without);
+      if (!row.reason.empty()) {
+        row.verdict = GateVerdict::kInconclusive;
+        break;
+      }
       row.p = faster_p(rule);
       row.verdict = *row.p < 1 ? GateVerdict::kFaster : GateVerdict::kSame;
       if (row.verdict == GateVerdict::kSame) row.p.reset();
@@ -86,8 +102,13 @@ void add_not_judged(const DuetCellState& state, std::vector<GateRow>& rows) {
                     .verdict = verdict,
                     .reason = std::move(reason)});
   };
-  for (const std::string& name : state.passing) {
-    add(name, "it is not above 0 in each of the first processes");
+  for (const auto& [name, runs] : state.passing) {
+    const std::string without = without_text(runs);
+    if (without.empty()) {
+      add(name, "it is not above 0 in each of the first processes");
+    } else {
+      add(name, without, GateVerdict::kInconclusive);
+    }
   }
   for (const Side side : {Side::kBaseline, Side::kCandidate}) {
     const auto& own = state.checks[static_cast<std::size_t>(side)]->seconds;
@@ -95,12 +116,15 @@ void add_not_judged(const DuetCellState& state, std::vector<GateRow>& rows) {
     for (const auto& [name, value] : own) {
       const bool both = other.contains(name);
       if (both && (side == Side::kCandidate || (value > 0 && other.at(name) > 0))) continue;
-      if (state.passing.contains(name)) continue;
+      if (state.passing.contains(name) || state.series.contains(name)) continue;
       const auto measure = state.checks[0]->measures.find(name);
-      const bool fell = both && value > 0 && measure != state.checks[0]->measures.end() &&
-                        measure->second.higher_is_better;
-      if (fell) {  // from the baseline's, and more was better
-        add(name, "it fell to 0", GateVerdict::kInconclusive);
+      const bool more_is_better =
+          measure != state.checks[0]->measures.end() && measure->second.higher_is_better;
+      // `value` is the baseline's then. A phase that took no time by the clock has not risen.
+      const bool rose =
+          both && state.cell.workload == kCommandCell && value >= 0 && other.at(name) > 0;
+      if (both && (more_is_better ? value > 0 : rose)) {
+        add(name, more_is_better ? "it fell to 0" : "it rose from 0", GateVerdict::kInconclusive);
         continue;
       }
       add(name, both ? "it is not above 0 on both sides, so that there is no ratio"

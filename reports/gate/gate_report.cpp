@@ -288,6 +288,12 @@ void describe_rule(const GateThresholds& thresholds, GateReport& report) {
       units.empty() ? "Taken off as the machine's: nothing, the runs have no peaks in common."
                     : fmt::format("Taken off as the machine's, by its own peaks: {}.",
                                   fmt::join(units, "; ")));
+  if (report.result.unsure.empty()) return;
+  report.notes.push_back(fmt::format(
+      "Slower on {} may be one run that differs from others: fewer than {} workloads tell by how "
+      "much runs differ; measure each side in two runs or more (same --db), or side by side: "
+      "--baseline-program.",
+      fmt::join(report.result.unsure, ", "), t.workloads));
 }
 
 int exit_code_of(const GateResult& result, bool strict) {

@@ -11,9 +11,6 @@
 namespace pirt {
 namespace {
 
-/// Process numbers of one run are below this.
-constexpr std::int32_t kProcessesARun = 10'000;
-
 /// Runs differ by more than their processes do, so that the interval is what all of them span.
 void add(const PhaseRow& other, std::int32_t offset, PhaseRow& row) {
   const auto contended = std::ranges::find(other.notes, "contended");
@@ -68,6 +65,11 @@ Pooled pool_samples(const ProfileReader& reader, Profile& profile) {
     pooled.left_out += others && !any ? 1 : 0;
   }
   return pooled;
+}
+
+bool is_pooled(const PhaseRow& row) {
+  return std::ranges::any_of(row.value_processes,
+                             [](std::int32_t process) { return process >= kProcessesARun; });
 }
 
 }  // namespace pirt

@@ -2,6 +2,8 @@
 // row's interval.
 #pragma once
 
+#include <cstdint>
+
 #include "characterize/profile/profile.h"
 #include "characterize/profile/store/reader.h"
 
@@ -18,5 +20,10 @@ struct Pooled {
 /// widens the row's interval to what theirs span.
 /// @param profile  Read by @p reader.
 Pooled pool_samples(const ProfileReader& reader, Profile& profile);
+
+/// Process numbers of one run are below this; a pooled row has further ones.
+inline constexpr std::int32_t kProcessesARun = 10'000;
+/// Whether samples of several runs are in @p row.
+[[nodiscard]] bool is_pooled(const PhaseRow& row);
 
 }  // namespace pirt

@@ -10,6 +10,7 @@
 
 #include "characterize/campaign/validity.h"
 #include "characterize/profile/identity.h"
+#include "reports/gate/pooling.h"
 #include "reports/gate/tail.h"
 #include "workloads/base/text/text.h"
 #include "workloads/base/time.h"
@@ -233,6 +234,8 @@ class Movements {
     if (together != together_.end()) allowed.add(together->second);
     return allowed;
   }
+  /// Whether there are rows enough to tell how far they differ from run to run.
+  [[nodiscard]] bool knows_scatter(const Family& family) const { return scatter_.contains(family); }
   [[nodiscard]] const std::vector<MachineShift>& machine() const { return machine_; }
   [[nodiscard]] const std::vector<GateRow>& rows() const { return rows_; }
 
@@ -507,6 +510,11 @@ GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds) {
   result.machine = movements.machine();
   for (const auto& pair : diff.phases) {
     result.rows.push_back(compare(diff, pair, movements, thresholds));
+    if (result.rows.back().verdict == GateVerdict::kSlower && !repeats(pair) &&
+        !movements.knows_scatter(family_of(*pair.a)) &&
+        !(is_pooled(*pair.a) && is_pooled(*pair.b))) {
+      result.unsure.insert(pair.a->unit);
+    }
     const bool comparable = result.rows.back().ratio.has_value();
     if (pair.a->phase == Phase::kCall && comparable && !repeats(pair)) {
       const Allowance allowed = movements.allowance_for(family_of(*pair.a));

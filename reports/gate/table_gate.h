@@ -28,6 +28,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -97,6 +98,8 @@ struct GateResult {
   std::vector<FactDifference> anchor_identity = {};  ///< Of anchor and candidate.
   std::vector<MachineShift> machine;
   std::vector<GateRow> rows;
+  /// Units with a slower row of one run on a side, of too few workloads to tell how runs differ.
+  std::set<std::string> unsure = {};
   [[nodiscard]] std::int64_t count(GateVerdict verdict) const;
 };
 

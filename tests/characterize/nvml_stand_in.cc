@@ -4,7 +4,7 @@
 // Energy is power times time, and with call_w more for each second that this process computes; it
 // is renewed each step_ms. A process that is started as a worker has a device open: it finds the
 // board awake (awake_w), any other one at rest (rest_w). Built with NVML_STAND_IN_OLD it is a
-// driver from before there was energy.
+// driver from before there was energy, with the list of processes of that time.
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -138,6 +138,9 @@ int nvmlDeviceGetMigMode(void*, unsigned* now, unsigned* pending) {
   *now = *pending = static_cast<unsigned>(number("mig", 0));
   return 0;
 }
+#ifdef NVML_STAND_IN_OLD
+#define nvmlDeviceGetComputeRunningProcesses_v3 nvmlDeviceGetComputeRunningProcesses_v2
+#endif
 int nvmlDeviceGetComputeRunningProcesses_v3(void*, unsigned* count, Process* processes) {
   const auto pids = list("pids", "");
   if (pids.size() > *count) return 7;
@@ -145,7 +148,7 @@ int nvmlDeviceGetComputeRunningProcesses_v3(void*, unsigned* count, Process* pro
   for (std::size_t i = 0; i < pids.size(); ++i) {
     processes[i] = {static_cast<unsigned>(std::stoul(pids[i])), 0, 0, 0};
   }
-  return 0;
+  return static_cast<int>(number("pids_status", 0));
 }
 
 #ifndef NVML_STAND_IN_OLD

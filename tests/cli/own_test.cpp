@@ -285,7 +285,11 @@ TEST_F(Own, IsHeldAgainstAnother) {
   EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
   EXPECT_THAT(outcome.out,
               AllOf(HasSubstr("--workload bad.good"), HasSubstr("--workload bad.prints")));
-  EXPECT_THAT(outcome.err, Not(HasSubstr("do not have the same to do")));
+  EXPECT_THAT(outcome.err, AllOf(Not(HasSubstr("do not have the same to do")),
+                                 Not(HasSubstr("has no reference"))));
+  EXPECT_THAT(regress("bad.renamed=bad.good", {"--units", "cpu"}).err,
+              AllOf(HasSubstr("same to do: origin u8[101] and from u8[101]"),
+                    HasSubstr("bad.renamed has no reference: whether both compute the same is")));
   EXPECT_THAT(regress("bad.good=sobel", {"--units", "cpu"}).err,
               HasSubstr("bad.good and sobel do not have the same to do: "));
   const auto wrong = regress("bad.wrong=bad.good", {"--units", "cpu"}, "1min");

@@ -61,7 +61,7 @@ TEST_F(RegressCommands, LinesOfAnyProgramAreJudgedInTheirDirection) {
 
 TEST_F(RegressCommands, NamesThatOnlyOneHasAreSaidAndNotJudged) {
   const auto outcome = compare("printf 'a 1 s\\nold 1 s\\nnone 0 s\\n'",
-                               "printf 'a 1 s\\nnew 9 s\\nnone 5 s\\n'", "lines", {"--all"});
+                               "printf 'a 1 s\\nnew 9 s\\nnone 0 s\\n'", "lines", {"--all"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out,
               AllOf(HasSubstr("only the baseline has it"), HasSubstr("only the candidate has it"),
@@ -72,6 +72,10 @@ TEST_F(RegressCommands, NamesThatOnlyOneHasAreSaidAndNotJudged) {
                             "printf 'a 1 s\\nrate 0 x higher\\n'", "lines");
   EXPECT_EQ(fell.exit_code, 3) << fell.err;
   EXPECT_THAT(fell.out, AllOf(HasSubstr("rate"), HasSubstr("it fell to 0")));
+  const auto rose =
+      compare("printf 'a 1 s\\ndrops 0 x\\n'", "printf 'a 1 s\\ndrops 5 x\\n'", "lines");
+  EXPECT_EQ(rose.exit_code, 3) << rose.err;
+  EXPECT_THAT(rose.out, AllOf(HasSubstr("drops"), HasSubstr("it rose from 0")));
   const auto nothing = compare("echo a 1 s", "echo b 1 s", "lines");
   EXPECT_EQ(nothing.exit_code, 3) << "no figure in common";
 }

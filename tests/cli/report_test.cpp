@@ -142,6 +142,19 @@ TEST_F(ReportOfRuns, RefusesSettingsThatItCannotTake) {
   }
 }
 
+TEST_F(ReportOfRuns, RefusesAPlatformWhereItReadsNoDatabase) {
+  const auto record = schedule("alone.json", {"--platform", "snapdragon820"});
+  expect_refused(pirt({"report", "text", record, "--platform", "nosuch"}), {"--platform 'nosuch'"});
+  expect_refused(pirt({"report", "paper", "--platform", "nosuch"}), {"--platform 'nosuch'"});
+}
+
+TEST_F(ReportOfRuns, KnowsARunWhateverItsFileBeginsWith) {
+  const auto record = schedule("plain.json", {"--platform", "snapdragon820"});
+  const auto marked = scratch_->write("marked.json", "\xef\xbb\xbf\n" + slurp(record));
+  const auto report = pirt({"report", "text", marked, "--mix", kMix});
+  EXPECT_EQ(report.exit_code, 0) << report.err;
+}
+
 TEST_F(ReportOfRuns, SaysWhereItCannotWrite) {
   const auto file = scratch_->file("missing/report.html");
   const auto report = pirt({"report", "page", database(), "-o", file});

@@ -4,6 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <functional>
+
 #include "reports/gate/self_test.h"
 #include "tests/support/errors.h"
 #include "workloads/base/error.h"
@@ -110,6 +113,41 @@ TEST(DuetGate, AFigureThatTheFirstProcessesDoNotAllHaveIsNamedAndNotJudged) {
   EXPECT_EQ(result.rows[1].phase, "rate");
   EXPECT_EQ(result.rows[1].verdict, GateVerdict::kNotJudged);
   EXPECT_THAT(result.rows[1].reason, HasSubstr("each of the first processes"));
+}
+
+/// Of two commands of the same rate, whose runs of @p side print 0 where @p prints_0 says so of
+/// their number, from 1 on.
+GateRow rate_of(Side side, const std::function<bool(int)>& prints_0) {
+  DuetComparison comparison({{std::string(kCommandCell), ""}}, 1);
+  Ledger nowhere;
+  int runs = 0;
+  const auto take = [&](Side of, const DuetCell&, SampleKind, Nanos) {
+    Sample sample;
+    const bool is_0 = of == side && prints_0(++runs);
+    sample.seconds = {{"time", 1.0}, {"rate", is_0 ? 0.0 : 100.0}};
+    sample.measures = {{"rate", {"MB/s", true}}};
+    return SampleOutcome{.sample = sample, .error = {}};
+  };
+  const auto end = run_duet(comparison, nowhere, take, one_at_a_time(1), {});
+  const GateResult result = judge_duet(comparison, end);
+  return *std::ranges::find(result.rows, "rate", &GateRow::phase);
+}
+
+TEST(DuetGate, AFigureThatTheCandidateHasNotAsOftenIsInconclusive) {
+  const auto at_times = [](int run) { return run % 8 == 0; };
+  const GateRow lost = rate_of(kB, at_times);
+  EXPECT_EQ(lost.verdict, GateVerdict::kInconclusive);
+  EXPECT_THAT(
+      lost.reason,
+      HasSubstr(
+          "of the candidate's runs lacked the figure, or a 0 that is the best there is, 0 of"));
+  EXPECT_EQ(rate_of(kA, at_times).verdict, GateVerdict::kSame);
+  // The first runs that count are the second and the third.
+  const auto at_first = [](int run) { return run == 2; };
+  const GateRow passing = rate_of(kB, at_first);
+  EXPECT_EQ(passing.verdict, GateVerdict::kInconclusive);
+  EXPECT_THAT(passing.reason, HasSubstr("1 of the candidate's runs"));
+  EXPECT_EQ(rate_of(kA, at_first).verdict, GateVerdict::kNotJudged);
 }
 
 TEST(DuetGate, WhatTimeDidNotAllowIsInconclusive) {

@@ -4,13 +4,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "reports/gate/pooling.h"
 #include "tests/reports/gate_runs.h"
 #include "workloads/base/text/json.h"
 
 namespace pirt::test {
 namespace {
 
+using testing::_;
 using testing::AllOf;
+using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -72,6 +75,35 @@ TEST(GateReport, ShowsWhatMattersAndCountsTheRest) {
   EXPECT_EQ(json["rows"][0]["verdict"], "slower");
   EXPECT_EQ(json["rows"][0]["workload"], "sobel");
   EXPECT_EQ(json["decisions"]["modes"]["latency"]["reason"], "not served");
+}
+
+// As a run on another day may be, where nothing was changed.
+TEST(GateReport, SaysWhereTooFewWorkloadsTellHowRunsDiffer) {
+  const auto notes_of = [](double slower, int workloads, int runs) {
+    Machine exact(0, 0, 1);
+    const auto run = [&](double factor) {
+      std::vector<PhaseRow> rows;
+      for (int i = 0; i < workloads; ++i) {
+        rows.push_back(exact.row("w" + std::to_string(i), i == 0 ? 10 * factor : 10));
+        // Every other process is of the second run.
+        for (std::int32_t& process : rows.back().value_processes) {
+          if (process % 2 == 1) process += (runs - 1) * kProcessesARun;
+        }
+      }
+      return profile_of(std::move(rows));
+    };
+    GateReport report;
+    report.result = judge_both(run(1), run(slower));
+    EXPECT_EQ(report.result.count(GateVerdict::kSlower), slower > 1 ? 1 : 0);
+    describe_rule(GateThresholds{}, report);
+    return report.notes;
+  };
+  EXPECT_THAT(notes_of(1.15, 3, 1),
+              ElementsAre(_, AllOf(HasSubstr("Slower on cpu may be one run"),
+                                   HasSubstr("fewer than 6 workloads"), HasSubstr("same --db"))));
+  EXPECT_EQ(notes_of(1, 3, 1).size(), 1U) << "nothing is slower";
+  EXPECT_EQ(notes_of(1.15, 6, 1).size(), 1U) << "the others tell";
+  EXPECT_EQ(notes_of(1.15, 3, 2).size(), 1U) << "two runs tell";
 }
 
 TEST(GateReport, NamesAndCountsWhatIsUndecided) {

@@ -72,7 +72,7 @@ struct Definition {
   std::string name = {};         ///< "mine.sobel"
   std::string description = {};  ///< One line; may be empty.
   std::string source = {};       ///< The file that it comes from, absolute.
-  std::string digest = {};       ///< Of what that held, and the files that it names.
+  std::string digest = {};       ///< Of what that held, as digest_of() has it (own.h).
   /// With kWidth, kHeight in shapes.
   std::vector<TensorSpec> inputs = {}, parameters = {}, outputs = {}, state = {};
   std::optional<Size> size = {};  ///< That it has by itself.

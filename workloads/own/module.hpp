@@ -20,6 +20,7 @@
 #include <exception>
 #include <initializer_list>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -80,9 +81,12 @@ class Call {
   explicit Call(const pirt_call& call) : call_(&call) {}
   template <typename T> View<const T> input(int i) const { return View<const T>(call_->inputs[i]); }
   template <typename T> View<T> output(int i) const { return View<T>(call_->outputs[i]); }
-  template <typename T> View<const T> parameter(int i) const { return View<const T>(call_->parameters[i]); }
-  template <typename T> View<const T> state(int i) const { return View<const T>(call_->state[i]); }
-  template <typename T> View<T> next_state(int i) const { return View<T>(call_->next_state[i]); }
+  /// Of a reference alone: kernels are given them when they are made.
+  template <typename T> View<const T> parameter(int i) const {
+    return View<const T>(given(call_->parameters, kNoParameters)[i]);
+  }
+  template <typename T> View<const T> state(int i) const { return View<const T>(given(call_->state, kNoState)[i]); }
+  template <typename T> View<T> next_state(int i) const { return View<T>(given(call_->next_state, kNoState)[i]); }
   /// Of an output that varies.
   void set_rows(int output, int64_t rows) const { call_->outputs[output].rows = rows; }
   int threads() const { return call_->threads; }
@@ -91,6 +95,14 @@ class Call {
   const pirt_call& raw() const { return *call_; }
 
  private:
+  static constexpr const char* kNoParameters =
+      "parameters are given when a kernel is made: take them in the constructor of cpu_class<K>()";
+  static constexpr const char* kNoState = "the workload has no state";
+  template <typename Tensor>
+  static Tensor* given(Tensor* tensors, const char* why_not) {
+    if (tensors == nullptr) throw std::logic_error(why_not);
+    return tensors;
+  }
   const pirt_call* call_;
 };
 

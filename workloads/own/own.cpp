@@ -5,24 +5,35 @@
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
 #include "workloads/base/text/text.h"
+#include "workloads/own/libraries.h"
 
 namespace pirt::own {
 namespace {
 
 namespace fs = std::filesystem;
 
+/// Or a program.
 bool is_library(std::string_view bytes) {
   return bytes.starts_with(
       "\x7f"
       "ELF");
 }
 
+/// The file, and what it is linked with.
+void add(Hash64& hash, const fs::path& file, const std::string& bytes) {
+  hash.add(std::string_view(bytes));
+  if (!is_library(bytes)) return;
+  for (const fs::path& linked : linked_libraries(file)) {
+    hash.add(std::string_view(read_file(linked, kAnySize)));
+  }
+}
+
 std::string digest(const fs::path& file, const std::string& bytes) {
   Hash64 hash;
-  hash.add(std::string_view(bytes));
+  add(hash, file, bytes);
   if (!is_library(bytes)) {
     for (const fs::path& named : named_files(file, bytes)) {
-      hash.add(std::string_view(read_file(named, kAnySize)));
+      add(hash, named, read_file(named, kAnySize));
     }
   }
   return fmt::format("{:016x}", hash.value());

@@ -20,7 +20,8 @@ namespace pirt::own {
 /// library cannot be loaded.
 [[nodiscard]] std::vector<Definition> load(const std::filesystem::path& file);
 
-/// Of what the file holds, and the files that a workload file names: 16 digits.
+/// Of what the file holds, the files that a workload file names, and the libraries that modules and
+/// programs among them are linked with (linked_libraries): 16 digits.
 /// @throws Error{kBadInput} if one of them cannot be read.
 [[nodiscard]] std::string digest_of(const std::filesystem::path& file);
 
@@ -46,8 +47,7 @@ class NamesOfFiles {
 [[nodiscard]] std::vector<Definition> load_module(const std::filesystem::path& file);
 [[nodiscard]] std::vector<Definition> read_workload_file(const std::filesystem::path& file,
                                                          const std::string& text);
-/// The files that the workload file names, absolute; of programs those of their words that are
-/// files.
+/// The files that the workload file names; of a program's command as files_named_by() has them.
 [[nodiscard]] std::vector<std::filesystem::path> named_files(const std::filesystem::path& file,
                                                              const std::string& text);
 

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/system/program_path.h"
 #include "workloads/base/text/text.h"
 #include "workloads/base/text/yaml.h"
 #include "workloads/model/function_kernel.h"
@@ -377,10 +378,10 @@ std::vector<fs::path> named_files(const fs::path& file, const std::string& text)
       if (node.has(key)) files.push_back(place(file, node.at(key).text()));
     }
     if (!node.has("command")) continue;
-    for (const YamlNode& word : node.at("command").items()) {
-      const fs::path path = (file.parent_path() / word.text()).lexically_normal();
-      std::error_code unknown;
-      if (fs::is_regular_file(path, unknown)) files.push_back(path);
+    std::vector<std::string> words;
+    for (const YamlNode& word : node.at("command").items()) words.push_back(word.text());
+    for (CommandFile& each : files_named_by(words, file.parent_path())) {
+      files.push_back(std::move(each.file));
     }
   }
   return files;

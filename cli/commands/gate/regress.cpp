@@ -24,6 +24,8 @@
 #include "workloads/base/text/name_filter.h"
 #include "workloads/base/text/shell.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/model/own_operation.h"
+#include "workloads/own/definition.h"
 
 namespace pirt::cli {
 namespace {
@@ -55,14 +57,14 @@ std::optional<Decisions> decide(const RegressOptions& options, std::optional<Pla
   return compare_decisions(base, candidate, *platform, mix);
 }
 
-struct Table {
+struct NamedTable {
   Profile profile;
   std::string name;  ///< Its path, and how many runs it is made of.
 };
 
-Table open_table(const std::string& path, const std::string& platform) {
+NamedTable open_table(const std::string& path, const std::string& platform) {
   const ProfileReader reader(path);
-  Table table{.profile = reader.read(platform), .name = path};
+  NamedTable table{.profile = reader.read(platform), .name = path};
   const Pooled pooled = pool_samples(reader, table.profile);
   if (pooled.runs > 1) table.name += fmt::format(" ({} runs)", pooled.runs);
   if (pooled.left_out > 0) {
@@ -88,9 +90,9 @@ GateReport compare(const RegressOptions& options) {
   refuse_same_file(base_path, candidate_path, "; give a baseline and a candidate");
   const auto platform = given_platform(options);
   const std::string name = platform ? platform->name : "";
-  const Table base = open_table(base_path, name);
+  const NamedTable base = open_table(base_path, name);
   const NameFilter wanted = workload_filter(base.profile, options.filter);
-  const Table candidate = open_table(candidate_path, name);
+  const NamedTable candidate = open_table(candidate_path, name);
   GateReport report{.base = base.name,
                     .candidate = candidate.name,
                     .strict = options.strict,
@@ -100,7 +102,7 @@ GateReport compare(const RegressOptions& options) {
   describe_rule(GateThresholds{}, report);
   if (!options.anchor.empty()) {
     refuse_same_file(options.anchor, candidate_path, "; give an older base as --anchor");
-    const Table anchor = open_table(options.anchor, name);
+    const NamedTable anchor = open_table(options.anchor, name);
     report.anchor = anchor.name;
     add_anchor(judge(diff_profiles(anchor.profile, candidate.profile)), report.result);
   }
@@ -118,22 +120,37 @@ int regress_tables(const RegressOptions& options) {
   return emit_report(compare(options), options);
 }
 
-/// Where two workloads' calls first differ in what they read or write; empty = nowhere. Of names,
-/// each has its own.
+/// Whether its numbers are made by its name.
+bool is_named_data(const TensorSpec& spec) {
+  const std::size_t dims = spec.shape.size();
+  const bool may_be_picture = spec.element == Element::kU8 && !spec.varies && spec.ranges.empty();
+  return !may_be_picture || !(dims == 2 || (dims == 3 && spec.shape[0] == 3));
+}
+
+/// Whether something says what it computes; what is somebody else's is learnt without its code.
+bool has_reference(const Workload& workload) {
+  const OwnOperation* const operation = own_operation(workload);
+  if (operation == nullptr) return workload.reference || workload.step;
+  return own::definition_from(parse_json(operation->definition)).verified;
+}
+
+/// Where two workloads' calls first differ in what they read or write; empty = nowhere. Of the
+/// names of pictures and outputs, each has its own.
 std::string different_work(const Workload& candidate, const Workload& baseline) {
   const auto differ = [](std::span<const TensorSpec> ours, std::span<const TensorSpec> theirs,
-                         std::string_view what) -> std::string {
+                         std::string_view what, bool are_inputs) -> std::string {
     if (ours.size() != theirs.size()) {
       return fmt::format("{} and {} {}", ours.size(), theirs.size(), what);
     }
-    const auto is_same = [](const TensorSpec& a, const TensorSpec& b) {
-      return a.element == b.element && a.shape == b.shape;
+    const auto is_same = [are_inputs](const TensorSpec& a, const TensorSpec& b) {
+      const bool may_be_renamed = !are_inputs || !is_named_data(a);
+      return a.element == b.element && a.shape == b.shape && (may_be_renamed || a.name == b.name);
     };
     const auto [our, their] = std::ranges::mismatch(ours, theirs, is_same);
     return our == ours.end() ? "" : our->describe() + " and " + their->describe();
   };
-  const std::string inputs = differ(candidate.inputs, baseline.inputs, "inputs");
-  return !inputs.empty() ? inputs : differ(candidate.outputs, baseline.outputs, "outputs");
+  const std::string inputs = differ(candidate.inputs, baseline.inputs, "inputs", true);
+  return !inputs.empty() ? inputs : differ(candidate.outputs, baseline.outputs, "outputs", false);
 }
 
 /// Two workloads are two commands: fresh processes of this program that sample them.
@@ -156,6 +173,11 @@ RegressOptions as_commands(RegressOptions options) {
         fmt::format("{} and {} do not have the same to do: {}; a size of one's own is named as in "
                     "sobel@640x480",
                     candidate, baseline, differs));
+  }
+  for (const std::string& name : {candidate, baseline}) {
+    if (candidate == baseline || has_reference(find_workload(name))) continue;
+    warn(name + " has no reference: whether both compute the same is not compared");
+    break;
   }
   const auto sampling = [&](const std::string& workload) {
     std::string command = path_in_shell(std::filesystem::read_symlink("/proc/self/exe").string()) +

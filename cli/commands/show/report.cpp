@@ -94,7 +94,9 @@ Files sort_files(const std::vector<std::string>& files) {
     if (std::filesystem::is_regular_file(file, missing)) {
       std::ifstream(file, std::ios::binary).read(begin.data(), begin.size());
     }
-    const std::string_view text(begin.data(), begin.size());
+    std::string_view text(begin.data(), begin.size());
+    if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);  // the mark that readers skip
+    text.remove_prefix(std::min(text.find_first_not_of(" \t\r\n"), text.size()));
     if (text.starts_with("SQLite format 3") ||
         (&file == &files.front() && !text.starts_with('[') && !text.starts_with('{'))) {
       sorted.databases.push_back(file);
@@ -142,6 +144,17 @@ ReportFlags of_others(ReportFlags options) {
   return options;
 }
 
+/// Of all @p files.
+std::vector<Profile> open_profiles(const ReportFlags& options,
+                                   const std::vector<std::string>& files, bool samples) {
+  std::vector<Profile> profiles;
+  for (const auto& file : files) {
+    profiles.push_back(
+        open_profile(profiles.empty() ? options : of_others(options), file, samples));
+  }
+  return profiles;
+}
+
 /// The platform that is given, or the profile's.
 /// @throws Error{kBadInput} if that is none that is shipped.
 Platform platform_for(const ReportFlags& options, const Profile& profile) {
@@ -155,6 +168,14 @@ void reject_settings(const ReportFlags& options) {
   if (options.settings.empty()) return;
   throw_bad_input("--set '" + options.settings.front() +
                   "' changes nothing here: no platform is read; leave it out");
+}
+
+/// Where no database is read, either.
+void reject_platform(const ReportFlags& options) {
+  reject_settings(options);
+  if (!options.platform) return;
+  throw_bad_input("--platform '" + *options.platform +
+                  "' changes nothing here: no profile database is read; leave it out");
 }
 
 /// The platform of a profile, or why it is not known.
@@ -266,21 +287,17 @@ int report_all(const ReportFlags& options) {
         "traces alone make no report; add the profile database or the run's record (pirt schedule "
         "--json), or --platform of a modelled board");
   }
-  if (files.databases.empty() && !files.runs.empty()) reject_settings(options);
+  if (files.databases.empty() && !files.runs.empty()) reject_platform(options);
   ReportInputs inputs;
   for (const auto& file : files.runs) inputs.runs.push_back(load_run_record(file));
   for (const auto& file : files.traces) inputs.timelines.push_back(load_timeline(file));
-  const ReportFlags others = of_others(options);
-  std::vector<Profile> profiles;
-  for (const auto& file : files.databases) {
-    profiles.push_back(open_profile(profiles.empty() ? options : others, file, true));
-  }
+  std::vector<Profile> profiles = open_profiles(options, files.databases, true);
   inputs.mix = load_mix(options.mix);  // Profiles say what workloads of their own they have.
   for (Profile& profile : profiles) {
     const bool of_first =
         inputs.machines.empty() || profile.platform() == inputs.machines.front().profile.platform();
     inputs.machines.push_back(
-        read_machine(of_first ? options : others, std::move(profile), inputs.mix));
+        read_machine(of_first ? options : of_others(options), std::move(profile), inputs.mix));
   }
   if (inputs.machines.empty() && inputs.runs.empty()) {
     inputs.modelled = modelled_runs(options, inputs.mix, policy_names());
@@ -304,14 +321,10 @@ int report_all(const ReportFlags& options) {
 
 int report_profile(const ReportFlags& options) {
   reject_settings(options);
-  const ReportFlags others = of_others(options);
   ReportInputs inputs;
-  for (const auto& file : options.files) {
+  for (Profile& profile : open_profiles(options, options.files, true)) {
     inputs.machines.push_back(
-        {.profile = open_profile(inputs.machines.empty() ? options : others, file, true),
-         .platform = std::nullopt,
-         .modes = {},
-         .table5 = {}});
+        {.profile = std::move(profile), .platform = std::nullopt, .modes = {}, .table5 = {}});
   }
   Document document = full_report(inputs);
   document.title = "pirt report profile";
@@ -381,18 +394,14 @@ int report_paper(const ReportFlags& options) {
     throw_bad_input("pirt report paper takes profile databases, not '" +
                     (files.runs.empty() ? files.traces : files.runs).front() + "'");
   }
-  if (files.databases.empty()) reject_settings(options);
-  std::optional<Profile> profile;
-  if (!files.databases.empty()) profile = open_profile(options, files.databases.front(), false);
+  if (files.databases.empty()) reject_platform(options);
+  std::vector<Profile> others = open_profiles(options, files.databases, false);
   const auto mix = load_mix(options.mix);
   std::optional<Machine> machine;
-  if (profile) {
-    machine = read_machine(options, *std::move(profile), mix);
+  if (!others.empty()) {
+    machine = read_machine(options, std::move(others.front()), mix);
     machine->table5 = table5_of(*machine, options.strict);
-  }
-  std::vector<Profile> others;
-  for (std::size_t i = 1; i < files.databases.size(); ++i) {
-    others.push_back(open_profile(of_others(options), files.databases[i], false));
+    others.erase(others.begin());
   }
   const auto paper = run_paper();
   const Machine* evidence = machine ? &*machine : nullptr;

@@ -16,13 +16,16 @@
 #include "characterize/worker/scratch.h"
 #include "tests/support/errors.h"
 #include "tests/support/few_threads.h"
+#include "workloads/base/system/module.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 const std::vector<DuetCell> kTwo = {{"sobel", "cpu"}, {"fc8", "cpu"}};
 
@@ -366,6 +369,21 @@ TEST(ContentKey, IsOfWhatIsThereNow) {
   std::ofstream(file) << "two";
   std::filesystem::last_write_time(file, written);
   EXPECT_NE(content_key(file), before);
+}
+
+TEST(BuiltKey, HasTheLibrariesOfAnInstalledProgram) {
+  const ScratchFolder scratch;
+  const auto program = std::filesystem::canonical(scratch.path()) / "bin" / "pirt";
+  const auto libraries = module_folders(program).at(2).parent_path();
+  std::filesystem::create_directories(program.parent_path());
+  std::filesystem::create_directories(libraries);
+  std::ofstream(program) << "program";
+  std::ofstream(libraries / "libother.so") << "not pirt's";
+  std::ofstream(libraries / "libpirt.so.1") << "one";
+  const std::string before = json_text(built_key(program));
+  EXPECT_THAT(before, AllOf(HasSubstr("libpirt.so.1"), Not(HasSubstr("libother"))));
+  std::ofstream(libraries / "libpirt.so.1") << "another";
+  EXPECT_NE(json_text(built_key(program)), before);
 }
 
 TEST(Injection, ReadsWhatItWrites) {

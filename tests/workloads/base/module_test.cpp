@@ -27,5 +27,17 @@ TEST(ModuleFolders, AreNotOfTheCurrentFolderWhereTheProgramIsNotKnown) {
   for (const fs::path& folder : folders) EXPECT_TRUE(folder.is_absolute()) << folder;
 }
 
+TEST(ProgramFiles, HaveTheFileThatTheCodeIsInOnce) {
+  const fs::path self = "/proc/self/exe";
+  const auto is_self = [&](const fs::path& file) { return fs::equivalent(file, self); };
+  const auto own = program_files(self);
+  EXPECT_EQ(own.front(), self);
+  EXPECT_EQ(std::ranges::count_if(own, is_self), 1);
+  // Of another program this code is a library's.
+  const auto others = program_files("/bin/sh");
+  EXPECT_EQ(others.front(), "/bin/sh");
+  EXPECT_EQ(std::ranges::count_if(others, is_self), 1);
+}
+
 }  // namespace
 }  // namespace pirt::test

@@ -4,6 +4,8 @@
 #include <stdlib.h>
 
 #include <fstream>
+#include <string>
+#include <vector>
 
 namespace pirt::test {
 namespace {
@@ -26,6 +28,24 @@ TEST(ProgramPath, IsOfAFileThatMayBeRunAndOfNoFolder) {
   EXPECT_EQ(try_find_program(tool), tool);
   EXPECT_EQ(try_find_program(folder / "a" / "tool"), std::nullopt);
   ::setenv("PATH", path.c_str(), 1);
+  fs::remove_all(folder);
+}
+
+TEST(FilesNamedByWords, AreFoundWhereverAWordHasThem) {
+  std::string made = (fs::temp_directory_path() / "pirt-path-XXXXXX").string();
+  ASSERT_NE(::mkdtemp(made.data()), nullptr);
+  const fs::path folder = made;
+  for (const char* name : {"net.onnx", "icp", "x.yaml"}) std::ofstream(folder / name) << name;
+  fs::permissions(folder / "icp", fs::perms::owner_all);
+  std::vector<std::string> named;
+  const std::vector<std::string> words = {
+      "sh", "-c", "exec ./icp --model=net.onnx <x.yaml", "x.yaml", "none.txt", "--net=net.onnx"};
+  for (const CommandFile& each : files_named_by(words, folder)) {
+    EXPECT_TRUE(fs::is_regular_file(each.file)) << each.file;
+    EXPECT_EQ(each.is_program, each.name == "sh" || each.name == "./icp") << each.name;
+    named.push_back(each.name);
+  }
+  EXPECT_EQ(named, (std::vector<std::string>{"sh", "./icp", "net.onnx", "x.yaml"}));
   fs::remove_all(folder);
 }
 

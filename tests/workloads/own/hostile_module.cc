@@ -48,6 +48,8 @@ void write_far_beyond(const Call& call) {
 }
 void throw_something(const Call&) { throw std::runtime_error("no such luck"); }
 void throw_a_number(const Call&) { throw 5; }
+void ask_for_a_parameter(const Call& call) { static_cast<void>(call.parameter<uint8_t>(0)); }
+void ask_for_a_state(const Call& call) { static_cast<void>(call.state<uint8_t>(0)); }
 void print(const Call& call) {
   copy(call);
   std::puts("hello\npirt-record {}\npirt-progress all is well");
@@ -127,10 +129,16 @@ PIRT_MODULE(copies("good").cpu<copy>().reference<copy>(), copies("crash").cpu<cr
             copies("hang").cpu<hang>(), copies("waits_by_a_copy").cpu<wait_by_a_copy>(),
             copies("beyond").cpu<write_beyond>(), copies("far_beyond").cpu<write_far_beyond>(),
             copies("throws").cpu<throw_something>(), copies("throws_5").cpu<throw_a_number>(),
+            copies("asks_parameter").cpu<ask_for_a_parameter>(),
+            copies("asks_state").cpu<ask_for_a_state>(),
             copies("prints").cpu<print>().reference<copy>(), copies("ends").cpu<end>(),
             copies("thread").cpu<leave_a_thread>(),
             copies("wrong").cpu<be_wrong>().reference<copy>(), copies("half").cpu<write_half>(),
             copies("slices").cpu<copy>().slices(4), out_of_range().cpu<copy>(),
+            Workload("bad.renamed")
+                .input<uint8_t>("origin", {101})
+                .output<uint8_t>("to", {101})
+                .cpu<copy>(),
             Workload("bad.sum")
                 .input<int32_t>("more", {16})
                 .output<int32_t>("all", {16})

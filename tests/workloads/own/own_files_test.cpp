@@ -91,6 +91,37 @@ TEST_F(OwnModule, HasStatesListsAndSizes) {
   }
 }
 
+TEST_F(OwnModule, IsToldWhatItsCallHasNot) {
+  const auto why = [all = load(test::kHostileModule)](const char* name) -> std::string {
+    try {
+      static_cast<void>(play(find(all, name)));
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(why("bad.asks_parameter"), HasSubstr("the constructor of cpu_class<K>()"));
+  EXPECT_THAT(why("bad.asks_state"), HasSubstr("has no state"));
+}
+
+TEST_F(OwnModule, WhatItIsLinkedWithIsAPartOfItsDigest) {
+  // Its C library, as if it were its own: nothing of it is loaded.
+  const fs::path module = folder_ / "libmine.so";
+  fs::copy_file(test::kHostileModule, module);
+  const std::string alone = digest_of(module);
+  EXPECT_EQ(alone, digest_of(test::kHostileModule)) << "wherever it lies";
+  write("libother.so", "not linked");
+  EXPECT_EQ(digest_of(module), alone);
+  write("libc.so.6", "one");
+  const std::string before = digest_of(module);
+  EXPECT_NE(before, alone);
+  const auto file = write("w.yaml", "workloads:\n  - {module: libmine.so}\n");
+  const std::string of_file = digest_of(file);
+  write("libc.so.6", "another");
+  EXPECT_NE(digest_of(module), before);
+  EXPECT_NE(digest_of(file), of_file);
+}
+
 TEST_F(OwnModule, HearsByACopyOfItsCallThatItIsStopped) {
   const Workload waits = find(load(test::kHostileModule), "bad.waits_by_a_copy");
   const auto kernel = own_operation(waits)->cpu({}, 1);
@@ -321,6 +352,17 @@ TEST_F(WorkloadFile, ItsDigestIsOfWhatItNamesToo) {
   EXPECT_EQ(load(file).front().digest, before);
   write("p.py", "2");
   EXPECT_NE(digest_of(file), before);
+  // As a shell has it, and by its option.
+  for (const char* command : {"[sh, -c, \"exec cat <p.py\"]", "[cat, --model=p.py]"}) {
+    const auto other =
+        write("v.yaml", std::string("workloads:\n  - name: my.k\n    outputs: {a: \"u8[4]\"}\n"
+                                    "    command: ") +
+                            command + "\n");
+    write("p.py", "3");
+    const std::string of_3 = digest_of(other);
+    write("p.py", "4");
+    EXPECT_NE(digest_of(other), of_3) << command;
+  }
 }
 
 /// A program of sh that adds 1 to nothing: its only output is a list of as many rows as its input

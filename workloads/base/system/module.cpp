@@ -4,8 +4,8 @@
 #include <fmt/core.h>
 #include <link.h>
 
-#include <algorithm>
 #include <filesystem>
+#include <map>
 #include <vector>
 
 #include "workloads/base/error.h"
@@ -44,7 +44,8 @@ std::vector<fs::path> module_folders(const fs::path& file) {
   std::vector<fs::path> folders;
   if (file.is_absolute()) {  // without /proc it is not known
     const fs::path beside = file.parent_path();
-    folders = {beside, beside / "pirt", beside.parent_path() / PIRT_MODULE_FOLDER};
+    const fs::path installed = beside.parent_path() / PIRT_MODULE_FOLDER;
+    folders = {beside, beside / "pirt", installed, installed.parent_path()};
   }
   if (pirt_module_folder != nullptr && file.string().starts_with(pirt_program_folder())) {
     folders.emplace_back(pirt_module_folder());
@@ -53,18 +54,22 @@ std::vector<fs::path> module_folders(const fs::path& file) {
   return folders;
 }
 
-std::vector<fs::path> modules() {
+std::vector<fs::path> program_files(const fs::path& program) {
+  std::vector<fs::path> files = {program};
+  std::error_code missing;
+  const fs::path code = own_file();
+  if (fs::exists(code, missing) && !fs::equivalent(code, program, missing)) files.push_back(code);
+  std::map<std::string, fs::path> modules;  // of a name the first, as module_symbol takes it
   for (const fs::path& folder : module_folders()) {
-    std::vector<fs::path> found;
-    std::error_code missing;
     for (const auto& entry : fs::directory_iterator(folder, missing)) {
       const std::string name = entry.path().filename().string();
-      if (name.starts_with("libpirt_") && name.ends_with(".so")) found.push_back(entry.path());
+      if (name.starts_with("libpirt_") && name.ends_with(".so")) {
+        modules.try_emplace(name, entry.path());
+      }
     }
-    std::ranges::sort(found);
-    if (!found.empty()) return found;
   }
-  return {};
+  for (const auto& [name, file] : modules) files.push_back(file);
+  return files;
 }
 
 void* module_symbol(const char* module, const char* symbol, const std::string& remedy) {

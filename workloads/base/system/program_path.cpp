@@ -2,8 +2,11 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
+#include <set>
 #include <sstream>
+#include <string_view>
 #include <system_error>
 
 namespace pirt {
@@ -29,6 +32,35 @@ std::optional<fs::path> try_find_program(const std::string& word) {
     if (auto found = if_it_runs(fs::path(folder.empty() ? "." : folder) / word)) return found;
   }
   return std::nullopt;
+}
+
+std::vector<CommandFile> files_named_by(std::span<const std::string> words,
+                                        const fs::path& folder) {
+  std::vector<CommandFile> files;
+  std::set<std::string> known;
+  const auto add = [&](const std::string& name) {
+    if (name.empty() || !known.insert(name).second) return;
+    const fs::path beside = folder / name;
+    const bool has_path = name.find('/') != std::string::npos;
+    const auto program = try_find_program(has_path ? beside.string() : name);
+    std::error_code ignored;
+    if (program && ::access(program->c_str(), R_OK) == 0) files.push_back({name, *program, true});
+    // A word without a slash may be both.
+    if (program && has_path) return;
+    if (!fs::is_regular_file(beside, ignored) || ::access(beside.c_str(), R_OK) != 0) return;
+    files.push_back({name, beside, false});
+  };
+  for (std::string word : words) {
+    add(word);
+    add(word.substr(word.find('=') + 1));
+    std::ranges::replace_if(
+        word,
+        [](char c) { return std::string_view("\t\n;|&()<>='\"`").find(c) != std::string::npos; },
+        ' ');
+    std::istringstream parts(word);
+    for (std::string part; parts >> part;) add(part);
+  }
+  return files;
 }
 
 }  // namespace pirt

@@ -1,14 +1,28 @@
-// Where programs are that are called by their names.
+// Where programs are that are called by their names, and what files a command names.
 #pragma once
 
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
+#include <vector>
 
 namespace pirt {
 
 /// As a shell finds it: by its path, if @p word has a slash, else in the folders of PATH.
 /// @return Absolute; absent if there is no such file that may be run.
 [[nodiscard]] std::optional<std::filesystem::path> try_find_program(const std::string& word);
+
+/// A file that a command names.
+struct CommandFile {
+  std::string name;  ///< In the command's words.
+  std::filesystem::path file;
+  bool is_program = false;  ///< It may be run.
+};
+/// The files that @p words name and that may be read, in their order: by themselves ("x.yaml"),
+/// behind a '=' or within a script (sh -c '...'); programs also by PATH.
+/// @param folder  That the command runs in; empty = this process'.
+[[nodiscard]] std::vector<CommandFile> files_named_by(std::span<const std::string> words,
+                                                      const std::filesystem::path& folder = {});
 
 }  // namespace pirt
