@@ -38,7 +38,6 @@ void runtime::MustNotWait::check(const char* what) {
 void runtime::Submitted::begin() {
   uses.store(2, std::memory_order_relaxed);  // The engine and who submits.
   taken_in = known = running = suspended = false;
-  decided.store(kLive, std::memory_order_relaxed);
   unit_name.clear();
   name.clear();
   problem.clear();
@@ -75,19 +74,17 @@ Runtime::Engine::~Engine() {
   live_units_.close();
 }
 
-std::size_t Runtime::Engine::find(std::string_view workload) const {
-  const auto known = names_.find(workload);
-  if (known != names_.end()) return known->second;
+WorkloadHandle Runtime::Engine::find(std::string_view workload) const {
+  WorkloadHandle handle;
+  handle.engine_ = number_of_engine_;
+  if (const auto known = names_.find(workload); known != names_.end()) {
+    handle.index_ = known->second;
+    return handle;
+  }
   std::vector<std::string> names;
   for (const auto& [name, index] : names_) names.push_back(name);
   throw_bad_input("'" + std::string(workload) + "' is none of the runtime's workloads" +
                   suggestion(std::string(workload), names) + "; name it in its options");
-}
-
-void Runtime::Engine::check(std::uint64_t number) const {
-  if (number != number_of_engine_) {
-    throw_bad_input("submit: the workload's handle is none of this runtime's");
-  }
 }
 
 void Runtime::Engine::check_inputs(const Workload& workload,
@@ -136,10 +133,13 @@ Runtime::Engine::Submitted& Runtime::Engine::take_record() {
   }
 }
 
-TaskFuture Runtime::Engine::submit(std::size_t index, std::vector<TaskInput> inputs,
+TaskFuture Runtime::Engine::submit(WorkloadHandle workload, std::vector<TaskInput> inputs,
                                    TaskOptions options, Callback callback) {
+  if (workload.engine_ != number_of_engine_) {
+    throw_bad_input("submit: the workload's handle is none of this runtime's");
+  }
   runtime::check_process(forks_);
-  const Known& known = workloads_[index];
+  const Known& known = workloads_[workload.index_];
   check_inputs(*known.workload, inputs);
   for (const TaskFuture& before : options.after) {
     if (before.valid() && before.task_->engine == number_of_engine_) continue;
@@ -156,16 +156,13 @@ TaskFuture Runtime::Engine::submit(std::size_t index, std::vector<TaskInput> inp
   }
   // Who waits for room has no record: there are no more than tasks that have not ended, or that
   // somebody still holds.
-  if (!room_.try_enter()) {
-    if (!runtime::MustNotWait::here()) room_.wait_for_room();
-    room_.enter();
-  }
+  room_.enter(!runtime::MustNotWait::here());
   Submitted& task = take_record();
   task.begin();
   task.engine = number_of_engine_;
   task.forks = forks_;
   task.workload = known.workload;
-  task.workload_index = index;
+  task.workload_index = workload.index_;
   task.eligible = eligible;
   task.inputs = std::move(inputs);
   task.options = std::move(options);
@@ -184,10 +181,10 @@ Runtime::Engine::Prospect Runtime::Engine::prospect(const Submitted& task) {
   Prospect so_far = Prospect::kReady;
   visit_before(task, [&](const Submitted& before) {
     if (so_far == Prospect::kUrgent) return;
-    const int decided = before.decided.load(std::memory_order_acquire);
-    if (decided == Submitted::kLive) {
+    const int end = before.end.load(std::memory_order_acquire);
+    if (end == Submitted::kLive) {
       so_far = Prospect::kWaits;
-    } else if (decided != static_cast<int>(TaskEnd::kCompleted)) {
+    } else if (end != static_cast<int>(TaskEnd::kCompleted)) {
       so_far = Prospect::kUrgent;
     }
   });
@@ -314,13 +311,13 @@ void Runtime::Engine::end_turn(runtime::Turn::Held& turn, TaskChain& ended) {
   const bool idle = running_ == 0;
   Nanos due = dispatcher_->next_wake();
   // Also at calls that hang.
-  if (!idle || out_of_reach_) due = std::min(due, look_at_);
+  if (!idle || live_units_.any_out_of_reach()) due = std::min(due, look_at_);
   if (calls_run_.load(std::memory_order_relaxed) == idle) calls_run_ = !idle;
   const bool not_to_wait = with_room_ != 0 || std::exchange(some_did_not_complete_, false);
   turns_.store(((turns_.load(std::memory_order_relaxed) | 1U) + 1U) | (not_to_wait ? 1U : 0U));
   turn.give_back();
   if (idle && closing_) room_.look_again();
-  if (due < watch_at_.load()) watch_by(due);
+  watch_by(due);
 }
 
 void Runtime::Engine::take_turn() {

@@ -16,17 +16,14 @@
 
 #include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/policies/setup.h"
+#include "scheduler/runtime/begin_thread.h"
 #include "scheduler/runtime/bell.h"
-#include "scheduler/runtime/latch.h"
 #include "scheduler/runtime/live_units.h"
-#include "scheduler/runtime/must_not_wait.h"
-#include "scheduler/runtime/room.h"
 #include "scheduler/runtime/runtime.h"
 #include "scheduler/runtime/samples.h"
 #include "scheduler/runtime/slab.h"
 #include "scheduler/runtime/threads.h"
 #include "scheduler/runtime/trace_thread.h"
-#include "scheduler/runtime/turn.h"
 #include "scheduler/services/recall.h"
 
 namespace pirt {
@@ -64,11 +61,10 @@ struct runtime::Submitted {
   UnitId unit = 0;
   Nanos dispatched_at{0};
   bool taken_in = false;
-  bool known = false;                    ///< To the dispatcher.
-  bool running = false;                  ///< On its unit, whatever has become of it.
-  bool suspended = false;                ///< There, between two slices.
-  Submitted* told_next = nullptr;        ///< Of those that are told together.
-  runtime::Atomic<int> decided = kLive;  ///< A TaskEnd, told soon; store release -> prospect().
+  bool known = false;              ///< To the dispatcher.
+  bool running = false;            ///< On its unit, whatever has become of it.
+  bool suspended = false;          ///< There, between two slices.
+  Submitted* told_next = nullptr;  ///< Of those that are told together.
 
   // Written before `end`, read after it, as are the outputs of `call`.
   std::string unit_name;
@@ -78,10 +74,11 @@ struct runtime::Submitted {
   std::optional<Nanos> started_at;
   Nanos ended_at{0};
 
-  runtime::Atomic<int> end = kLive;  ///< As decided, before the callback; -> TaskFuture::end().
-  runtime::Latch told;               ///< After it.
+  /// A TaskEnd, before the callback; store release -> prospect() and TaskFuture::end().
+  runtime::Atomic<int> end = kLive;
+  runtime::Latch told;  ///< After it.
 
-  [[nodiscard]] bool is_decided() const { return decided.load(std::memory_order_relaxed) != kLive; }
+  [[nodiscard]] bool is_decided() const { return end.load(std::memory_order_relaxed) != kLive; }
   /// As new.
   void begin();
   /// What it holds on to is somebody else's.
@@ -96,6 +93,9 @@ namespace runtime {
 /// @param before  What it was when a runtime was made.
 /// @throws Error{kEnvironment} if this is no more the process that made it.
 void check_process(int before);
+
+/// So many calls given back one after the other, and a unit is no longer asked for their workload.
+inline constexpr int kMostReturns = 3;
 
 /// Tasks in order, for one of which each is the engine.
 class TaskChain {
@@ -131,12 +131,9 @@ class Runtime::Engine final : private LiveDriver {
   explicit Engine(RuntimeOptions options);
   ~Engine();
 
-  [[nodiscard]] std::uint64_t number() const { return number_of_engine_; }
   [[nodiscard]] bool is_here() const { return runtime::forks() == forks_; }
-  [[nodiscard]] std::size_t find(std::string_view workload) const;
-  /// @throws Error{kBadInput} if that is another one's.
-  void check(std::uint64_t number) const;
-  TaskFuture submit(std::size_t workload, std::vector<TaskInput> inputs, TaskOptions options,
+  [[nodiscard]] WorkloadHandle find(std::string_view workload) const;
+  TaskFuture submit(WorkloadHandle workload, std::vector<TaskInput> inputs, TaskOptions options,
                     Callback callback);
   void cancel(const TaskFuture& task);
   void cancel_all();
@@ -163,6 +160,7 @@ class Runtime::Engine final : private LiveDriver {
   struct Unit : RuntimeStatistics::Unit {
     std::uint64_t heard = 0;  ///< Remote::heard when it was asked last what it serves.
     int slots = 0, running = 0;
+    std::map<std::size_t, int> returns;  ///< In a row, by workload; of those that it gave back.
   };
 
   /// Since the start.
@@ -179,10 +177,7 @@ class Runtime::Engine final : private LiveDriver {
   void open_units();
   void ended(UnitId unit, Call& call, CallEnd& end) override;
   void slice_ended(UnitId unit, Call& call) override;
-  std::vector<Preparation> preparations(UnitId unit);
-  /// Null: it has none there.
-  [[nodiscard]] static const KernelFunction* own_kernel(const OwnWorkload& own,
-                                                        const UnitModel& unit);
+  [[nodiscard]] std::vector<Preparation> preparations(UnitId unit) override;
   [[nodiscard]] Support support(const Known& known, const UnitModel& unit) const;
   [[nodiscard]] UnitMask units_of(const Known& known) const;
   [[nodiscard]] Mix mix() const;
@@ -228,8 +223,7 @@ class Runtime::Engine final : private LiveDriver {
   void set_unit(UnitId unit, UnitState state) override;
   void give_up(UnitId unit, Call& call, CallEnd end) override;
   void lose(UnitId unit);
-  void look_for_reach();
-  std::vector<std::string> ask_for_all(UnitId unit);
+  void ask_for_all(UnitId unit, bool says_news);
   void hear_of_others();
   void cancel_asked();
   void apply();
@@ -245,10 +239,10 @@ class Runtime::Engine final : private LiveDriver {
   void told(TaskRef task);
   void post_line(const std::string& line);
   void say(const std::string& line);
-  void add_problem(std::string problem);
+  void add_problem(std::string problem) override;
   void watch(const std::stop_token& stop);
-  void wake_watcher();
   void watch_by(Nanos due);
+  void wake_watcher() { watch_by(Nanos::zero()); }
   /// Null if it is none of those that are known.
   [[nodiscard]] Submitted* task_of(TaskId id) {
     Submitted* const task = tasks_[slot_of(id)];
@@ -329,9 +323,7 @@ class Runtime::Engine final : private LiveDriver {
 
   runtime::Bell watch_;
   runtime::Atomic<Nanos> watch_at_ = Nanos::max();  ///< When it looks.
-  runtime::Atomic<bool> watch_now_ = false;
-  runtime::Atomic<bool> calls_run_ = false;     ///< Written in turns.
-  runtime::Atomic<bool> out_of_reach_ = false;  ///< Some unit is, and may be within it again.
+  runtime::Atomic<bool> calls_run_ = false;         ///< Written in turns.
   runtime::Thread watcher_;
   LiveUnits live_units_;  ///< Last: their threads use all of it.
 };

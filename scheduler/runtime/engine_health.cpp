@@ -2,21 +2,24 @@
 #include <algorithm>
 #include <iterator>
 
-#include "scheduler/runtime/begin_thread.h"
 #include "scheduler/runtime/engine.h"
 
 namespace pirt {
 /// A unit that cannot run one workload may well run others.
 void Runtime::Engine::count_returns(const Submitted& task) {
   if (!live_units_.at(task.unit).is_reachable()) asked_.fetch_or(kLook);  // Others are to have it.
-  const auto workload = static_cast<WorkloadId>(task.workload_index);
-  const int returns = live_units_.count_returns(task.unit, workload, task.call_end);
+  auto& returns = units_[task.unit].returns;
+  if (task.call_end.outcome != Outcome::kReturned) {
+    if (!returns.empty()) returns.erase(task.workload_index);
+    return;
+  }
+  if (task.call_end.excused || ++returns[task.workload_index] < runtime::kMostReturns) return;
   Known& known = workloads_[task.workload_index];
-  if (returns < LiveUnits::kMostReturns || contains(known.gave_up, task.unit)) return;
+  if (contains(known.gave_up, task.unit)) return;
   known.gave_up |= unit_bit(task.unit);
   add_problem("unit " + options_.platform.units[task.unit].name + " is not asked for " +
-              known.workload->name + " any more: it gave back " + std::to_string(returns) +
-              " calls one after the other");
+              known.workload->name + " any more: it gave back " +
+              std::to_string(runtime::kMostReturns) + " calls one after the other");
   const bool asked_for_any = std::ranges::any_of(workloads_, [&](const Known& each) {
     return contains(each.runs_on & ~each.gave_up, task.unit);
   });
@@ -40,7 +43,7 @@ void Runtime::Engine::bring_back(std::string_view name) {
   {
     const auto turn = turn_.take();
     lost = !units_[unit].in_service;
-    if (!lost) static_cast<void>(ask_for_all(unit));
+    if (!lost) ask_for_all(unit, false);
     busy = lost && !live_units_.at(unit).abandoned() &&
            dispatcher_->running(unit) + dispatcher_->suspended(unit) > 0;
   }
@@ -49,24 +52,22 @@ void Runtime::Engine::bring_back(std::string_view name) {
   if (busy) {
     throw_environment("unit " + model.name + " has calls that have not ended; try again later");
   }
-  auto other = live_units_.make_ready(unit, preparations(unit));
+  auto other = live_units_.make_ready(unit);
   {
     const auto turn = turn_.take();
     other = live_units_.replace(unit, std::move(other));
-    for (std::string& each : ask_for_all(unit)) add_problem(std::move(each));
+    ask_for_all(unit, true);
     units_[unit].in_service = true;
     dispatcher_->set_unit(unit, UnitState::kUp, now(), effects_);
     asked_.fetch_or(kLook);  // There may be something to start.
   }
   work(Thread::kTheirs);
-  LiveUnits::close(std::move(other));
 }
 
 /// Also for what it gave back too often; not for what nobody there has.
-/// @return  What to say of the latter, if that is news.
-std::vector<std::string> Runtime::Engine::ask_for_all(UnitId unit) {
-  std::vector<std::string> news;
-  live_units_.forget_returns(unit);
+/// @param says_news  Of the latter.
+void Runtime::Engine::ask_for_all(UnitId unit, bool says_news) {
+  units_[unit].returns.clear();
   const Remote* const remote = live_units_.at(unit).remote();
   if (remote != nullptr) units_[unit].heard = remote->heard();
   for (Known& each : workloads_) {
@@ -74,11 +75,10 @@ std::vector<std::string> Runtime::Engine::ask_for_all(UnitId unit) {
     const Support served = live_units_.at(unit).serves(*each.workload);
     const bool had_it = !contains(each.gave_up, unit);
     each.gave_up = served.ok ? each.gave_up & ~unit_bit(unit) : each.gave_up | unit_bit(unit);
-    if (had_it && !served.ok) {
-      news.push_back(live_units_.at(unit).name() + ": " + not_asked_for(*each.workload, served));
+    if (says_news && had_it && !served.ok) {
+      add_problem(live_units_.at(unit).name() + ": " + not_asked_for(*each.workload, served));
     }
   }
-  return news;
 }
 
 /// Others have come to what is elsewhere, or gone: it may serve what it did not, whatever became of
@@ -87,7 +87,7 @@ void Runtime::Engine::hear_of_others() {
   for (const UnitId unit : elsewhere_) {
     const KernelUnit& there = live_units_.at(unit);
     if (there.remote()->heard() == units_[unit].heard) continue;
-    for (std::string& each : ask_for_all(unit)) add_problem(std::move(each));
+    ask_for_all(unit, true);
     if (std::exchange(units_[unit].in_service, true)) continue;
     dispatcher_->set_unit(unit, there.is_reachable() ? UnitState::kUp : UnitState::kDraining, now_,
                           effects_);
@@ -99,23 +99,13 @@ void Runtime::Engine::look() {
   dispatcher_->wake(now_, effects_);
   apply();
   live_units_.look_for_hung(began_ + look_at_);
-  look_for_reach();
+  live_units_.look_for_reach();
   look_at_ =
       std::min(later_by(now_, live_units_.look_every()), live_units_.next_overdue() - began_);
 }
 
-void Runtime::Engine::look_for_reach() {
-  live_units_.look_for_reach();
-  out_of_reach_ = live_units_.any_out_of_reach();
-}
-
 void Runtime::Engine::set_unit(UnitId unit, UnitState state) {
-  if (state == UnitState::kGone) {
-    if (live_units_.at(unit).is_lost()) {
-      add_problem("unit " + live_units_.at(unit).name() + " is out of service: its device is lost");
-    }
-    return lose(unit);
-  }
+  if (state == UnitState::kGone) return lose(unit);
   if (units_[unit].in_service) dispatcher_->set_unit(unit, state, now_, effects_);
   apply();
 }
@@ -144,11 +134,6 @@ void Runtime::Engine::give_up(UnitId, Call& call, CallEnd end) {
   take_event(task);
 }
 
-void Runtime::Engine::wake_watcher() {
-  watch_now_ = true;
-  watch_.ring(1);
-}
-
 void Runtime::Engine::watch_by(Nanos due) {
   Nanos at = watch_at_;
   while (due < at) {
@@ -159,14 +144,14 @@ void Runtime::Engine::watch_by(Nanos due) {
 /// With nothing that runs and nothing to come it sleeps until somebody wakes it.
 void Runtime::Engine::watch(const std::stop_token& stop) {
   runtime::begin_thread("pirt-watch", live_units_.cores());
+  const runtime::MustNotWait within;
   static_cast<void>(take_priority(options_.priority));
   while (!stop.stop_requested()) {
     const Nanos at = watch_at_;
-    watch_.sleep_until([&] { return watch_now_ || watch_at_.load() < at; }, later_by(began_, at));
-    if (!watch_now_ && now() < at) continue;
+    watch_.sleep_until([&] { return watch_at_.load() < at; }, later_by(began_, at));
+    if (now() < at) continue;
     // The turn that follows says when it looks next.
     watch_at_ = Nanos::max();
-    watch_now_ = false;
     asked_.fetch_or(kLook);
     work(Thread::kOurs);
     if (anything_to_tell_) tell_posted();

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <map>
 #include <variant>
 
 #include "characterize/platform/unit_request.h"
@@ -43,28 +42,30 @@ bool is_picture(const TensorSpec& spec) {
          (spec.shape.size() == 2 || spec.shape.size() == 3);
 }
 
-std::size_t checked(std::size_t most_tasks) {
-  if (most_tasks == 0) throw_bad_input("most_tasks is 0; it is at least 1");
-  return most_tasks;
-}
-
 /// As set_up_mode has it, which may not be asked yet.
 bool suspends_calls(const RuntimeOptions& options) {
   return options.prepare_first && options.slices.value_or(find_policy(options.mode).budgets);
 }
 
-RuntimeOptions on_devices_of_profile(RuntimeOptions options) {
+/// On the devices of the profile.
+RuntimeOptions checked(RuntimeOptions options) {
   options.platform =
       on_devices(std::move(options.platform), options.profile ? &*options.profile : nullptr);
+  if (options.most_tasks == 0) throw_bad_input("most_tasks is 0; it is at least 1");
+  if (options.spin < Nanos::zero() || options.spin > kMostSpin) {
+    throw_bad_input("spin is " + std::to_string(to_us(options.spin)) + " us; it is 0 to " +
+                    std::to_string(to_us(kMostSpin)) + " us");
+  }
   return options;
 }
 
-Nanos checked_spin(Nanos spin) {
-  if (spin < Nanos::zero() || spin > kMostSpin) {
-    throw_bad_input("spin is " + std::to_string(to_us(spin)) + " us; it is 0 to " +
-                    std::to_string(to_us(kMostSpin)) + " us");
+/// Null: it has none there.
+const KernelFunction* own_kernel(const OwnWorkload& own, const UnitModel& unit) {
+  for (const std::string& name : {unit.name, unit.backend}) {
+    const auto at = own.kernels.find(name);
+    if (at != own.kernels.end()) return &at->second;
   }
-  return spin;
+  return nullptr;
 }
 
 }  // namespace
@@ -72,14 +73,14 @@ Nanos checked_spin(Nanos spin) {
 Runtime::Engine::Engine(RuntimeOptions options)
     : number_of_engine_(next_number()),
       forks_(counted_forks()),
-      options_(on_devices_of_profile(std::move(options))),
+      options_(checked(std::move(options))),
       samples_(1),
-      room_(checked(options_.most_tasks)),
+      room_(options_.most_tasks),
       live_units_(options_.platform,
                   {.prepare_first = options_.prepare_first,
                    .time_limit = options_.time_limit,
                    .priority = options_.priority,
-                   .spin = checked_spin(options_.spin),
+                   .spin = options_.spin,
                    .keeps = own_,
                    .stop = {},
                    .progress = [this](const std::string& line) { say(line); },
@@ -128,7 +129,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
   take_first_inputs();
   open_units();
   now_ = now();
-  look_for_reach();  // Before the first task: nothing is given to what is out of reach.
+  live_units_.look_for_reach();  // Before the first task: nothing is given to what is out of reach.
   starting_ = false;
   set_up_ = clock_.now() - begin;
   watcher_ = runtime::start_thread([this](const std::stop_token& stop) { watch(stop); });
@@ -244,14 +245,6 @@ void Runtime::Engine::list_states() {
   }
 }
 
-const KernelFunction* Runtime::Engine::own_kernel(const OwnWorkload& own, const UnitModel& unit) {
-  for (const std::string& name : {unit.name, unit.backend}) {
-    const auto at = own.kernels.find(name);
-    if (at != own.kernels.end()) return &at->second;
-  }
-  return nullptr;
-}
-
 Support Runtime::Engine::support(const Known& known, const UnitModel& unit) const {
   if (known.own != nullptr) {
     if (own_kernel(*known.own, unit) != nullptr) return {true, ""};
@@ -314,11 +307,8 @@ std::vector<Preparation> Runtime::Engine::preparations(UnitId unit) {
     const auto* const own = known.own != nullptr ? own_kernel(*known.own, model) : nullptr;
     if (own == nullptr) {
       each.sample = samples_.of(*known.workload, 0);
-    } else {
-      each.function = [function = *own](std::span<const Tensor> inputs, std::span<Tensor> outputs) {
-        const runtime::MustNotWait within;
-        function(inputs, outputs);
-      };
+    } else {  // There, even if the robot's is not: then each call fails.
+      each.function = [function = *own](auto inputs, auto outputs) { function(inputs, outputs); };
     }
   }
   return preparations;
@@ -326,7 +316,7 @@ std::vector<Preparation> Runtime::Engine::preparations(UnitId unit) {
 
 void Runtime::Engine::take_first_inputs() {
   for (const auto& [name, inputs] : options_.first_inputs) {
-    const Known& known = workloads_[find(name)];
+    const Known& known = workloads_[find(name).index_];
     if (known.own != nullptr) {
       throw_bad_input("first_inputs: '" + name +
                       "' is a function of your own, which is not called before it is needed");
@@ -353,17 +343,13 @@ void Runtime::Engine::tell_limits() {
 
 void Runtime::Engine::open_units() {
   tell_limits();
-  std::map<UnitId, std::vector<Preparation>> prepared;
+  live_units_.open();
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
-    if (auto each = preparations(unit); !each.empty()) prepared.emplace(unit, std::move(each));
-  }
-  for (const auto& [unit, unused] : prepared) with_room_ |= unit_bit(unit);
-  live_units_.open(std::move(prepared));
-  for (const std::string& remark : live_units_.wait_until_ready()) add_problem(remark);
-  for (UnitId unit = 0; unit < units_.size(); ++unit) {
-    if (!live_units_.has(unit) || !live_units_.at(unit).is_remote()) continue;
+    if (!live_units_.has(unit)) continue;
+    with_room_ |= unit_bit(unit);
+    if (!live_units_.at(unit).is_remote()) continue;
     elsewhere_.push_back(unit);
-    static_cast<void>(ask_for_all(unit));  // The unit has said it.
+    ask_for_all(unit, false);  // The unit has said it.
   }
 }
 

@@ -69,9 +69,9 @@ Task Runtime::Engine::dispatched(const Submitted& task) {
   const Nanos now = task.submitted_at;
   after_.clear();
   visit_before(task, [&](const Submitted& before) {
-    const int decided = before.decided.load(std::memory_order_relaxed);
-    if (decided == static_cast<int>(TaskEnd::kCompleted)) return;
-    after_.push_back(decided == Submitted::kLive ? before.id : kNoTask);
+    const int end = before.end.load(std::memory_order_relaxed);
+    if (end == static_cast<int>(TaskEnd::kCompleted)) return;
+    after_.push_back(end == Submitted::kLive ? before.id : kNoTask);
   });
   Task submitted;
   submitted.kind = setup_->scenario.classes[task.workload_index][0];
@@ -182,7 +182,7 @@ std::string Runtime::Engine::why_dropped(const Submitted& task) {
   std::string why;
   visit_before(task, [&](const Submitted& before) {
     if (!why.empty() || !before.is_decided()) return;
-    const auto end = static_cast<TaskEnd>(before.decided.load());
+    const auto end = static_cast<TaskEnd>(before.end.load());
     if (end == TaskEnd::kCompleted) return;
     std::string first =
         before.problem.empty()
@@ -266,7 +266,6 @@ void Runtime::Engine::fill_call(Submitted& task) {
 /// How it ends is known, and counted. Its future says so before what comes after it can begin,
 /// whoever tells of that first.
 void Runtime::Engine::decide(Submitted& task, TaskEnd end) {
-  task.decided.store(static_cast<int>(end), std::memory_order_release);
   task.ended_at = now_;
   if (end != TaskEnd::kCompleted) {
     task.name = task.workload->name;

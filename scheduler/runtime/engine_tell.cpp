@@ -62,7 +62,6 @@ void Runtime::Engine::tell_posted() {
       std::swap(problems, to_say_);
     }
     for (const std::string& each : problems) {
-      const runtime::MustNotWait within;
       try {
         options_.problem(each);
       } catch (...) {  // There is nobody else to tell.
@@ -75,17 +74,14 @@ void Runtime::Engine::tell_posted() {
 void Runtime::Engine::call_back(TaskRef task) {
   std::string thrown;
   TaskFuture future(std::move(task));
-  {
-    const runtime::MustNotWait within;
-    try {
-      future.task_->callback(future, *future.end());
-    } catch (const std::exception& error) {
-      thrown = error.what();
-    } catch (...) {
-      thrown = "an exception of an unknown type";
-    }
-    future.task_->callback = nullptr;
+  try {
+    future.task_->callback(future, *future.end());
+  } catch (const std::exception& error) {
+    thrown = error.what();
+  } catch (...) {
+    thrown = "an exception of an unknown type";
   }
+  future.task_->callback = nullptr;
   if (!thrown.empty()) {
     {
       const auto turn = turn_.take();

@@ -75,18 +75,24 @@ void KernelUnit::stop() {
   stopping_ = true;
   if (is_remote()) {
     for (Lane& lane : lanes_) {
-      if (const auto call = lane.running.seen()) stop_call(lane, *call);
+      if (const auto call = lane.running.seen()) lane.running.request_stop(call->number);
     }
   }
   bell_.ring(setup_.lanes);
 }
 
-void KernelUnit::leave(std::unique_ptr<KernelUnit> unit) {
+void KernelUnit::Close::operator()(KernelUnit* unit) const {
+  // What it gets for the end of its start when nobody wants it any more.
+  constexpr Nanos kPatience = std::chrono::seconds(1);
+  unit->stop();
+  if (!unit->abandoned_ && unit->is_over_start(kPatience)) {
+    delete unit;  // NOLINT(cppcoreguidelines-owning-memory)
+    return;
+  }
   unit->thread_.detach();
   // For ever, and where whoever looks for leaks finds them.
   static runtime::Atomic<KernelUnit*> newest = nullptr;
-  KernelUnit& stays = *unit.release();
-  stays.stayed_before_ = newest.exchange(&stays);
+  unit->stayed_before_ = newest.exchange(unit);
 }
 
 bool KernelUnit::wait_until_ready(Nanos most) {
@@ -119,19 +125,10 @@ std::optional<std::vector<Call*>> KernelUnit::abandon(const Running& call) {
   Lane& lane = lanes_.front();
   if (!lane.running.give_up(call.number)) return std::nullopt;
   abandoned_ = true;
-  lane.stop.request_stop();
-  const std::lock_guard lock(taking_);
-  queue_posted();
+  lane.running.stop.request_stop();
   std::vector<Call*> behind;
-  for (Call* each = queued_; each != nullptr; each = each->neighbour) behind.push_back(each);
-  queued_ = nullptr;
+  while (Call* const each = take_first()) behind.push_back(each);
   return behind;
-}
-
-bool KernelUnit::stop_call(Lane& lane, const runtime::RunningCall::Seen& call) {
-  bool is_news = false;
-  lane.running.act_within(call.number, [&] { is_news = lane.stop.request_stop(); });
-  return is_news;
 }
 
 void KernelUnit::request_stop(Call& call) {
@@ -139,7 +136,7 @@ void KernelUnit::request_stop(Call& call) {
   call.unwanted.exchange(true);
   for (Lane& lane : lanes_) {
     const auto runs = lane.running.seen();
-    if (runs && runs->call == &call) stop_call(lane, *runs);
+    if (runs && runs->call == &call) lane.running.request_stop(runs->number);
   }
 }
 
@@ -178,32 +175,24 @@ bool KernelUnit::spin(Lane& lane) const {
 /// Null if none waits.
 Call* KernelUnit::take_first() {
   const std::lock_guard lock(taking_);
-  if (queued_.load() == nullptr) queue_posted();
-  Call* const first = queued_;
-  if (first != nullptr) queued_ = first->neighbour;
+  Call* first = queued_;
+  if (first == nullptr) {  // Then those that were posted, turned round.
+    for (Call* newest = posted_.exchange(nullptr); newest != nullptr;) {
+      Call* const before = std::exchange(newest->neighbour, first);
+      first = std::exchange(newest, before);
+    }
+  }
+  if (first == nullptr) return nullptr;
+  queued_ = first->neighbour;
+  // Another lane may have looked between the two lists.
+  if (first->neighbour != nullptr && lanes_.size() > 1) bell_.ring(1);
   return first;
-}
-
-/// What is posted goes behind what is queued.
-void KernelUnit::queue_posted() {
-  Call* oldest = nullptr;
-  for (Call* newest = posted_.exchange(nullptr); newest != nullptr;) {
-    Call* const before = std::exchange(newest->neighbour, oldest);
-    oldest = std::exchange(newest, before);
-  }
-  Call* last = queued_;
-  if (last == nullptr) {
-    queued_ = oldest;
-    return;
-  }
-  while (last->neighbour != nullptr) last = last->neighbour;
-  last->neighbour = oldest;
 }
 
 void KernelUnit::serve() {
   runtime::begin_thread(name(), setup_.cores);
   for (Lane& lane : lanes_) lane.unit = this;
-  tell_stop_of_call(&lanes_.front().stop);
+  tell_stop_of_call(&lanes_.front().running.stop);
   std::vector<runtime::Thread> others;
   try {
     set_up();
@@ -212,7 +201,6 @@ void KernelUnit::serve() {
         name_thread(name());
         static_cast<void>(take_priority(setup_.priority));
         serve_calls(lane);
-        lane.kernels.clear();
       }));
     }
   } catch (...) {
@@ -224,47 +212,34 @@ void KernelUnit::serve() {
   started_.set();
   serve_calls(lanes_.front());
   others.clear();
-  // Where they were made: a driver may want its own thread.
-  lanes_.front().kernels.clear();
-  device_.reset();
+  device_.reset();  // Where it was made, too.
 }
 
 /// Until none is to come, or one was given up, which has ended after all.
 void KernelUnit::serve_calls(Lane& lane) {
-  tell_stop_of_call(&lane.stop);
+  const runtime::MustNotWait within;
+  tell_stop_of_call(&lane.running.stop);
   lane_here = &lane;
   while (Call* const call = wait_for_call(lane)) {
     CallEnd end;
-    if (!run_call(lane, *call, end)) return;
+    if (!run_call(lane, *call, end)) break;
     lane.telling = true;
     done_(*call, end);
     lane.telling = false;
   }
+  lane.kernels.clear();  // Where they were made: a driver may want its own thread.
 }
-
-class KernelUnit::Slices final : public SliceListener {
- public:
-  Slices(KernelUnit& unit, Lane& lane, Call& call, Nanos begin)
-      : unit_(unit), lane_(lane), call_(call), begin_(begin) {}
-  void slice_ended() override { unit_.between_slices_of(lane_, call_, begin_); }
-
- private:
-  KernelUnit& unit_;
-  Lane& lane_;
-  Call& call_;
-  Nanos begin_;
-};
 
 /// False if it was given up: nobody knows of the call any more; what it holds goes with it.
 bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
   const Nanos begin = clock_.now();
   lane.running.begin(call, begin);
   const Remote* const remote = remote_;
+  const bool lost = lost_;
   // Who wants it no more, or stops the unit, saw this call or is seen here.
-  const bool begins = !call.unwanted && (remote == nullptr || !stopping_);
+  const bool begins = !call.unwanted && !lost && (remote == nullptr || !stopping_);
   lane.paused = Nanos::zero();
-  Slices slices(*this, lane, call, begin);
-  const HearsSlices hears(suspends_calls() ? &slices : nullptr);
+  const HearsSlices hears(suspends_calls() ? &lane : nullptr);
   const bool in_phases = !begins || execute(lane, call, end);
   if (!begins) end.outcome = Outcome::kReturned;
   end.at = clock_.now();
@@ -272,10 +247,10 @@ bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
   if (!in_phases) end.times.execute = end.busy - end.preparing.value_or(Nanos::zero());
   if (!lane.running.end()) return false;
   end.awake = std::exchange(lane.awake, Nanos::zero());
-  const bool stopped = lane.stop.stop_requested();
-  if (stopped) lane.stop = std::stop_source();
+  const bool stopped = lane.running.stop.stop_requested();
+  if (stopped) lane.running.stop = std::stop_source();
   const bool unwanted = stopped || call.unwanted;
-  end.excused = end.excused || unwanted || (remote != nullptr && !remote->is_reachable());
+  end.excused = lost || unwanted || (remote != nullptr && !remote->is_reachable());
   if (unwanted && end.outcome == Outcome::kReturned) end.problem.clear();  // As was asked for.
   return true;
 }
@@ -326,25 +301,17 @@ bool KernelUnit::go_together(const Workload& one, const Workload& other) const {
   return program && program == setup_.contexts->program_of(other.name);
 }
 
-KernelUnit::Prepared* KernelUnit::find(Lane& lane, const Workload& workload) {
-  for (const auto& each : lane.kernels) {
-    if (each->workload == &workload) return each.get();
-  }
-  return nullptr;
-}
-
 KernelUnit::Prepared& KernelUnit::prepare(Lane& lane, const Preparation& preparation) {
   const Workload& workload = *preparation.workload;
   std::erase_if(lane.kernels, [&](const auto& held) {
-    return held->workload == &workload || !go_together(*held->workload, workload);
+    return held.first == &workload || !go_together(*held.first, workload);
   });
-  auto made = std::make_unique<Prepared>();
-  made->workload = &workload;
-  made->kernel = preparation.function ? std::make_unique<FunctionKernel>(preparation.function)
-                                      : device_->prepare(workload, preparation.sample->parameters);
-  made->function = dynamic_cast<FunctionKernel*>(made->kernel.get());
-  made->own = preparation.function || own_operation(workload) != nullptr;
-  return *lane.kernels.emplace_back(std::move(made));
+  Prepared made;
+  made.kernel = preparation.function ? std::make_unique<FunctionKernel>(preparation.function)
+                                     : device_->prepare(workload, preparation.sample->parameters);
+  made.function = dynamic_cast<FunctionKernel*>(made.kernel.get());
+  made.own = preparation.function || own_operation(workload) != nullptr;
+  return lane.kernels.emplace(&workload, std::move(made)).first->second;
 }
 
 /// Some compile at the first run.
@@ -363,13 +330,14 @@ void KernelUnit::run_once(Lane& lane, const Preparation& preparation, Prepared& 
 
 /// @param end  Is told what preparing took, if it was not there.
 KernelUnit::Prepared& KernelUnit::prepared(Lane& lane, const Workload& workload, CallEnd& end) {
-  if (Prepared* const known = find(lane, workload)) return *known;
+  const auto known = lane.kernels.find(&workload);
+  if (known != lane.kernels.end()) return known->second;
   const Nanos begin = clock_.now();
   Prepared& made =
       prepare(lane, *std::ranges::find(setup_.preparations, &workload, &Preparation::workload));
   if (setup_.contexts) {
     for (const Preparation& each : setup_.preparations) {
-      const bool is_held = find(lane, *each.workload) != nullptr;
+      const bool is_held = lane.kernels.contains(each.workload);
       if (!is_held && go_together(*each.workload, workload)) prepare(lane, each);
     }
   }
@@ -384,11 +352,6 @@ bool KernelUnit::execute(Lane& lane, Call& call, CallEnd& end) {
     end.outcome = outcome;
     end.problem = call.workload->name + " on " + name() + ": " + why;
   };
-  if (lost_) {
-    end.outcome = Outcome::kReturned;
-    end.excused = true;
-    return true;
-  }
   try {
     Prepared& held = prepared(lane, *call.workload, end);
     check_values(call, held.own);
@@ -423,6 +386,8 @@ void KernelUnit::lose_device(Lane& lane, CallEnd& end) {
   const bool is_held = output_memory_ != nullptr;
   lost_ = true;
   if (!is_held) try_to_open();
+  // The remedy is of a device that is there.
+  end.problem.erase(std::min(end.problem.size(), end.problem.rfind("; ")));
   end.problem += lost_ ? "; its device is lost" : "; its device was lost, and is opened again";
 }
 
@@ -434,15 +399,19 @@ void KernelUnit::open_again() {
 /// Its kernels are prepared when they are called.
 void KernelUnit::try_to_open() {
   if (!lost_) return;
+  std::string why;
   try {
     device_ = setup_.backend->open(setup_.request);
     const std::string other = other_device(*device_info_, device_->info());
     if (!other.empty()) throw_environment(name() + " has " + other);
     if (auto memory = device_->output_memory()) output_memory_ = std::move(memory);
     lost_ = false;
-  } catch (const Error&) {  // Not yet, then.
+  } catch (const Error& error) {  // Not yet, then.
     device_.reset();
+    why = error.what();
   }
+  const std::lock_guard lock(taking_);
+  why_lost_ = std::move(why);
 }
 
 /// @return  The version of the state that it wrote; 0 if it has none, or is not to count.
@@ -454,7 +423,7 @@ std::uint64_t KernelUnit::compute(Lane& lane, Prepared& prepared, Call& call, Ca
   Remote* const remote = remote_;
   const auto withdraw = [&] { remote->withdraw(kernel); };
   std::optional<std::stop_callback<decltype(withdraw)>> withdrawn;
-  if (remote != nullptr) withdrawn.emplace(lane.stop.get_token(), withdraw);
+  if (remote != nullptr) withdrawn.emplace(lane.running.stop.get_token(), withdraw);
   if (remote != nullptr && call.wanted_until) {
     remote->expires_in(kernel, *call.wanted_until - clock_.now());
   }

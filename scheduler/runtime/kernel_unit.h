@@ -7,6 +7,7 @@
 #include <deque>
 #include <exception>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -20,7 +21,6 @@
 #include "scheduler/mix/task.h"
 #include "scheduler/runtime/bell.h"
 #include "scheduler/runtime/call.h"
-#include "scheduler/runtime/latch.h"
 #include "scheduler/runtime/running_call.h"
 #include "scheduler/runtime/threads.h"
 #include "workloads/model/function_kernel.h"
@@ -77,9 +77,12 @@ class KernelUnit {
   KernelUnit(UnitSetup setup, Done done);
   /// Waits for the call that runs; what waits behind it is forgotten.
   ~KernelUnit();
-  /// The end of one that was abandoned, or never became ready: its thread may never return, so that
-  /// it and what it uses stay.
-  static void leave(std::unique_ptr<KernelUnit> unit);
+  /// The end of one that may have been abandoned, or never become ready: then its thread may never
+  /// return, so that it and what it uses stay.
+  struct Close {
+    void operator()(KernelUnit* unit) const;
+  };
+  using Owner = std::unique_ptr<KernelUnit, Close>;
   KernelUnit(const KernelUnit&) = delete;
   KernelUnit& operator=(const KernelUnit&) = delete;
 
@@ -125,7 +128,9 @@ class KernelUnit {
   /// @param call  That it was given and that is not done.
   void request_stop(Call& call);
   /// The same of one that runs. @return  Whether that is news.
-  bool request_stop(const Running& call) { return stop_call(lanes_[call.lane], call); }
+  bool request_stop(const Running& call) {
+    return lanes_[call.lane].running.request_stop(call.number);
+  }
   [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
   /// What it computes on, once it is ready; null = only functions run there.
   [[nodiscard]] const DeviceInfo* device() const { return device_info_ ? &*device_info_ : nullptr; }
@@ -133,6 +138,11 @@ class KernelUnit {
   [[nodiscard]] TensorMemory* output_memory() const { return output_memory_.get(); }
   /// Its device computes nothing any more, and is not open: all calls are given back.
   [[nodiscard]] bool is_lost() const { return lost_; }
+  /// Of one that is lost: why it has not had its device again; empty = it has not tried.
+  [[nodiscard]] std::string why_lost() {
+    const std::lock_guard lock(taking_);
+    return why_lost_;
+  }
   /// Of one that is lost: hands out what output_memory() was, which holds the device as it was, as
   /// does each tensor there.
   [[nodiscard]] std::shared_ptr<TensorMemory> take_output_memory() {
@@ -153,30 +163,28 @@ class KernelUnit {
 
  private:
   struct Prepared {
-    const Workload* workload = nullptr;
     std::unique_ptr<Kernel> kernel;
     FunctionKernel* function = nullptr;    ///< The kernel, if it is one: it has no phases.
     bool own = false;                      ///< A function of the robot's own.
     const StateValue* resident = nullptr;  ///< Whose value the device has,
     std::uint64_t version = 0;             ///< and which.
   };
-  /// Calls one after the other, on a thread of their own. What others may touch is `running`, and
-  /// `stop` within it.
-  struct Lane {
+  /// Calls one after the other, on a thread of their own. What others may touch is `running`.
+  struct Lane final : SliceListener {
+    void slice_ended() override { unit->between_slices_of(*this); }
+
     KernelUnit* unit = nullptr;
-    std::vector<std::unique_ptr<Prepared>> kernels;
+    std::map<const Workload*, Prepared> kernels;
     runtime::RunningCall running;
-    std::stop_source stop;  ///< Of the call that runs; as good as new before each.
-    bool telling = false;   ///< The thread is within done_.
-    Call* next = nullptr;   ///< Before those that wait.
-    Nanos awake{0};         ///< Since the last call.
-    Nanos paused{0};        ///< How long the call that runs was suspended.
+    bool telling = false;  ///< The thread is within done_.
+    Call* next = nullptr;  ///< Before those that wait.
+    Nanos awake{0};        ///< Since the last call.
+    Nanos paused{0};       ///< How long the call that runs was suspended.
     // What was said of a call that waits between two slices.
     runtime::Atomic<Call*> let_in = nullptr;
     runtime::Atomic<bool> goes_on = false;
     std::vector<Call*> suspended;  ///< The innermost last; with taking_.
   };
-  class Slices;
 
   void serve();
   void serve_calls(Lane& lane);
@@ -187,15 +195,12 @@ class KernelUnit {
     return posted_.load() != nullptr || queued_.load() != nullptr || opens_again_.load();
   }
   Call* take_first();
-  void queue_posted();
-  bool stop_call(Lane& lane, const runtime::RunningCall::Seen& call);
   [[nodiscard]] bool go_together(const Workload& one, const Workload& other) const;
-  static Prepared* find(Lane& lane, const Workload& workload);
   Prepared& prepare(Lane& lane, const Preparation& preparation);
   void run_once(Lane& lane, const Preparation& preparation, Prepared& prepared);
   Prepared& prepared(Lane& lane, const Workload& workload, CallEnd& end);
   [[nodiscard]] bool suspends_calls() const;
-  void between_slices_of(Lane& lane, Call& call, Nanos begin);
+  void between_slices_of(Lane& lane);
   bool run_let_in(Lane& lane);
   bool run_call(Lane& lane, Call& call, CallEnd& end);
   bool execute(Lane& lane, Call& call, CallEnd& end);
@@ -223,9 +228,10 @@ class KernelUnit {
 
   // Calls that wait. Who brings one leaves it in a list, the newest first; lanes turn that round.
   runtime::Atomic<Call*> posted_ = nullptr;
-  runtime::Mutex taking_;  ///< Lanes' alone, and of who abandons one.
+  runtime::Mutex taking_;  ///< Lanes' alone, and of who abandons one or asks why it is lost.
   runtime::Atomic<Call*> queued_ =
-      nullptr;  ///< Oldest first, before posted_; changed with taking_.
+      nullptr;            ///< Oldest first, before posted_; changed with taking_.
+  std::string why_lost_;  ///< With taking_.
   runtime::Bell bell_;
   KernelUnit* stayed_before_ = nullptr;  ///< Of those that stay for ever.
   runtime::Thread thread_;               ///< Last: all else is there before it and after it.

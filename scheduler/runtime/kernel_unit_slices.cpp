@@ -27,19 +27,20 @@ std::vector<Call*> KernelUnit::suspended() {
 }
 
 /// While it asks and is suspended the call does not run, for whoever looks: it does not hang.
-/// @param begin  Of the call.
-void KernelUnit::between_slices_of(Lane& lane, Call& call, Nanos begin) {
+void KernelUnit::between_slices_of(Lane& lane) {
   if (stopping_ || abandoned_) return;
   const Nanos since = clock_.now();
+  const auto runs = lane.running.seen();
   lane.goes_on = false;
   // Whoever gives it up has done so before this, or sees it no more.
-  if (!lane.running.end()) return;
+  if (!runs || !lane.running.end()) return;
+  Call& call = *runs->call;
   {
     const std::lock_guard lock(taking_);
     lane.suspended.push_back(&call);
   }
   const Nanos paused = std::exchange(lane.paused, Nanos::zero());
-  std::stop_source stop = std::exchange(lane.stop, std::stop_source());
+  std::stop_source stop = std::exchange(lane.running.stop, std::stop_source());
   setup_.slice_ended(call);
   while (!lane.goes_on.exchange(false) && !stopping_) {
     if (lane.let_in.load() == nullptr) {
@@ -52,10 +53,11 @@ void KernelUnit::between_slices_of(Lane& lane, Call& call, Nanos begin) {
     const std::lock_guard lock(taking_);
     lane.suspended.pop_back();
   }
-  lane.stop = std::move(stop);
-  lane.paused = paused + (clock_.now() - since);
-  lane.running.begin(call, begin + lane.paused);
-  if (call.unwanted) lane.stop.request_stop();
+  lane.running.stop = std::move(stop);
+  const Nanos suspended_for = clock_.now() - since;
+  lane.paused = paused + suspended_for;
+  lane.running.begin(call, runs->since + suspended_for);
+  if (call.unwanted) lane.running.stop.request_stop();
 }
 
 /// False if it was given up.

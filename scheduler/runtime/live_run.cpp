@@ -84,7 +84,7 @@ class LiveRun final : public Executor, private LiveDriver {
 
   LiveResult run() {
     const Nanos before = clock_.now();
-    set_up();
+    units_.open();
     start_ = clock_.now();
     result_.set_up = start_ - before;
     {
@@ -96,7 +96,7 @@ class LiveRun final : public Executor, private LiveDriver {
       closing_ = true;
     }
     if (options_.calls) options_.calls(calls());
-    note_links();
+    note_units();
     units_.close();  // Their threads end.
     result_.tally = time_.finish();
     result_.tally.phases = std::move(phases_);
@@ -150,32 +150,21 @@ class LiveRun final : public Executor, private LiveDriver {
     last->second = frame;
   }
 
-  void note_links() {
-    for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
-      const Remote* const remote = units_.has(unit) ? units_.at(unit).remote() : nullptr;
+  void note_units() {
+    for (UnitId id = 0; id < scenario_.platform.units.size(); ++id) {
+      if (!units_.has(id)) continue;
+      const KernelUnit& unit = units_.at(id);
+      if (unit.has_own_clock()) result_.own_clocks.push_back(unit.name());
+      const Remote* const remote = unit.remote();
       if (remote == nullptr) continue;
-      result_.links.emplace(units_.at(unit).name(), remote->link());
-      if (!remote->is_reachable()) result_.out_of_reach.push_back(units_.at(unit).name());
+      result_.links.emplace(unit.name(), remote->link());
+      if (!remote->is_reachable()) result_.out_of_reach.push_back(unit.name());
     }
   }
 
-  void set_up() {
-    std::map<UnitId, std::vector<Preparation>> prepared;
-    for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
-      if (!scenario_.platform.units[unit].measured()) continue;
-      // What serves nothing is not opened.
-      if (auto its = preparations(unit); !its.empty()) prepared.emplace(unit, std::move(its));
-    }
-    units_.open(std::move(prepared));
-    for (const std::string& remark : units_.wait_until_ready()) problems_.add(remark);
-    for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
-      if (!units_.has(unit) || !units_.at(unit).has_own_clock()) continue;
-      result_.own_clocks.push_back(units_.at(unit).name());
-    }
-  }
-
-  std::vector<Preparation> preparations(UnitId unit) {
+  [[nodiscard]] std::vector<Preparation> preparations(UnitId unit) override {
     std::vector<Preparation> preparations;
+    if (!scenario_.platform.units[unit].measured()) return preparations;
     std::vector<bool> known(scenario_.services.workloads.size(), false);
     for (const auto& pipeline : scenario_.classes) {
       for (const TaskClass& kind : pipeline) {
@@ -261,12 +250,8 @@ class LiveRun final : public Executor, private LiveDriver {
   [[nodiscard]] Expectation expected(UnitId unit, const Call& call) override {
     return {scenario_.services.find(workload_of(static_cast<JobIndex>(call.token)), unit)};
   }
-  void set_unit(UnitId unit, UnitState state) override {
-    if (state == UnitState::kGone && units_.at(unit).is_lost()) {
-      problems_.add("unit " + units_.at(unit).name() + " is out of service: its device is lost");
-    }
-    time_.set_unit(unit, state, now());
-  }
+  void add_problem(std::string problem) override { problems_.add(std::move(problem)); }
+  void set_unit(UnitId unit, UnitState state) override { time_.set_unit(unit, state, now()); }
   void give_up(UnitId, Call& call, CallEnd end) override {
     const auto job = static_cast<JobIndex>(call.token);
     if (end.outcome == Outcome::kFailed) {

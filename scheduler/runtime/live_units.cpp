@@ -4,7 +4,6 @@
 
 #include "characterize/platform/elsewhere.h"
 #include "characterize/platform/unit_request.h"
-#include "scheduler/runtime/must_not_wait.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 
@@ -21,8 +20,6 @@ constexpr Nanos kStoodStill = std::chrono::seconds(2);
 constexpr Nanos kLookForReach = std::chrono::milliseconds(50);
 /// A start takes seconds; with an emulator, and everything compiled anew, some minutes.
 constexpr Nanos kLongestStart = std::chrono::minutes(10);
-/// What a unit gets for the end of its start when nobody wants it any more.
-constexpr Nanos kPatience = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -31,26 +28,37 @@ LiveUnits::LiveUnits(const Platform& platform, LiveUnitsOptions options, LiveDri
       options_(std::move(options)),
       driver_(driver),
       look_every_(std::clamp(options_.time_limit.value_or(kMostLook), kLeastLook, kMostLook)),
-      returns_(platform.units.size()),
       out_of_reach_(platform.units.size()),
       units_(platform.units.size()) {}
 
 LiveUnits::~LiveUnits() { close(); }
 
-void LiveUnits::open(std::map<UnitId, std::vector<Preparation>> preparations) {
-  const auto here = std::ranges::count_if(preparations, [this](const auto& each) {
-    return !is_elsewhere(platform_.units[each.first]);
-  });
+void LiveUnits::open() {
+  std::map<UnitId, std::vector<Preparation>> prepared;
+  std::size_t here = 0;
+  for (UnitId unit = 0; unit < units_.size(); ++unit) {
+    auto each = driver_.preparations(unit);
+    if (each.empty()) continue;
+    prepared.emplace(unit, std::move(each));
+    if (!is_elsewhere(platform_.units[unit])) ++here;
+  }
   // Who spins on the core that a woken thread was put on keeps that from beginning; where each has
   // a core that is rare, and what is woken takes longer than that.
-  if (static_cast<std::size_t>(here) <= cores_.size()) spin_ = options_.spin;
-  for (auto& [unit, each] : preparations) units_[unit] = make(unit, std::move(each));
+  if (here <= cores_.size()) spin_ = options_.spin;
+  for (auto& [unit, each] : prepared) units_[unit] = make(unit, std::move(each));
+  const Nanos until = clock_.now() + kLongestStart;
+  for (const auto& unit : units_) {
+    if (unit == nullptr) continue;
+    wait_until_ready(*unit, until);
+    if (!unit->remark().empty()) driver_.add_problem(unit->name() + ": " + unit->remark());
+    if (unit->is_remote()) look_every_ = kLookForReach;
+  }
 }
 
-std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation> preparations) {
+KernelUnit::Owner LiveUnits::make(UnitId unit, std::vector<Preparation> preparations) {
   const UnitModel& model = platform_.units[unit];
   say("opening " + model.name);
-  return std::make_unique<KernelUnit>(
+  return KernelUnit::Owner(new KernelUnit(
       UnitSetup{.request = make_unit_request(platform_, model, ""),
                 .backend = model.measured() ? &find_backend(model.backend) : nullptr,
                 .preparations = std::move(preparations),
@@ -67,25 +75,10 @@ std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation
                                      })
                                    : nullptr},
       [this, unit](Call& call, CallEnd& end) {
-        {
-          const runtime::MustNotWait within;  // Who hears that it is free may submit.
-          call.inputs.clear();  // What it shares is to be written again when nobody else has it.
-        }
+        call.inputs.clear();  // What it shares is to be written again when nobody else has it.
         if (end.outcome == Outcome::kReturned) call.outputs = nullptr;  // They may hold the device.
         driver_.ended(unit, call, end);
-      });
-}
-
-std::vector<std::string> LiveUnits::wait_until_ready() {
-  std::vector<std::string> remarks;
-  const Nanos until = clock_.now() + kLongestStart;
-  for (const auto& unit : units_) {
-    if (unit == nullptr) continue;
-    wait_until_ready(*unit, until);
-    if (!unit->remark().empty()) remarks.push_back(unit->name() + ": " + unit->remark());
-    if (unit->is_remote()) look_every_ = kLookForReach;
-  }
-  return remarks;
+      }));
 }
 
 void LiveUnits::wait_until_ready(KernelUnit& unit, Nanos until) const {
@@ -108,19 +101,13 @@ void LiveUnits::wait_until_ready(KernelUnit& unit, Nanos until) const {
   say(unit.name() + " is ready");
 }
 
-std::unique_ptr<KernelUnit> LiveUnits::make_ready(UnitId unit,
-                                                  std::vector<Preparation> preparations) {
-  auto fresh = make(unit, std::move(preparations));
-  try {
-    wait_until_ready(*fresh, clock_.now() + kLongestStart);
-  } catch (...) {
-    close(std::move(fresh));
-    throw;
-  }
+KernelUnit::Owner LiveUnits::make_ready(UnitId unit) {
+  auto fresh = make(unit, driver_.preparations(unit));
+  wait_until_ready(*fresh, clock_.now() + kLongestStart);
   return fresh;
 }
 
-std::unique_ptr<KernelUnit> LiveUnits::replace(UnitId unit, std::unique_ptr<KernelUnit> fresh) {
+KernelUnit::Owner LiveUnits::replace(UnitId unit, KernelUnit::Owner fresh) {
   lost_.erase(unit);
   out_of_reach_[unit].reset();
   return std::exchange(units_[unit], std::move(fresh));
@@ -130,14 +117,7 @@ void LiveUnits::close() {
   for (auto& unit : units_) {
     if (unit != nullptr) unit->stop();
   }
-  for (auto& unit : units_) {
-    if (unit != nullptr) close(std::move(unit));
-  }
-}
-
-void LiveUnits::close(std::unique_ptr<KernelUnit> unit) {
-  unit->stop();
-  if (unit->abandoned() || !unit->is_over_start(kPatience)) KernelUnit::leave(std::move(unit));
+  for (auto& unit : units_) unit.reset();
 }
 
 void LiveUnits::fill(UnitId unit, Call& call, const Workload& workload,
@@ -242,7 +222,11 @@ void LiveUnits::look_for_lost(UnitId unit) {
   if (lost.memory->expired()) units_[unit]->open_again();
   const auto& since = out_of_reach_[unit];
   lost.for_good = since && clock_.now() - *since > kLongestLost;
-  if (lost.for_good) driver_.set_unit(unit, UnitState::kGone);
+  if (!lost.for_good) return;
+  const std::string why = units_[unit]->why_lost();
+  driver_.add_problem("unit " + units_[unit]->name() + " is out of service: its device is lost" +
+                      (why.empty() ? "" : " (" + why + ")"));
+  driver_.set_unit(unit, UnitState::kGone);
 }
 
 bool LiveUnits::any_may_come_back() const {
@@ -254,15 +238,6 @@ bool LiveUnits::any_may_come_back() const {
       return true;
   }
   return false;
-}
-
-int LiveUnits::count_returns(UnitId unit, WorkloadId workload, const CallEnd& end) {
-  auto& returns = returns_[unit];
-  if (end.outcome == Outcome::kReturned) {
-    return end.excused ? returns[workload] : ++returns[workload];
-  }
-  if (!returns.empty()) returns.erase(workload);
-  return 0;
 }
 
 std::optional<Nanos> LiveUnits::limit_of(UnitId unit, const Call& call) const {

@@ -53,8 +53,12 @@ class LiveDriver {
   /// As UnitSetup.
   virtual void slice_ended(UnitId unit, Call& call) = 0;
 
-  // From within LiveUnits' look_*.
+  // From within LiveUnits' open, make_ready and look_*.
 
+  /// What the unit may be asked for; nothing, and it is not opened.
+  [[nodiscard]] virtual std::vector<Preparation> preparations(UnitId unit) = 0;
+  /// Of what is not as it should be.
+  virtual void add_problem(std::string problem) = 0;
   [[nodiscard]] virtual Expectation expected(UnitId unit, const Call& call) = 0;
   virtual void set_unit(UnitId unit, UnitState state) = 0;
   /// The call never ends: kFailed, and it is its unit's for good; or it will not begin, on a unit
@@ -87,13 +91,10 @@ class LiveUnits {
   LiveUnits(const LiveUnits&) = delete;
   LiveUnits& operator=(const LiveUnits&) = delete;
 
-  /// Begins to open the units and to prepare what each may be asked for. Once.
-  void open(std::map<UnitId, std::vector<Preparation>> preparations);
-  /// Until all are ready.
-  /// @return  What is not as it was asked for.
+  /// Opens the units side by side and prepares what each may be asked for, until all are ready.
   /// @throws What opening and preparing throw, with the unit's name; Error{kEnvironment} for a unit
   /// that is not ready after a long time, or once somebody wants to stop.
-  std::vector<std::string> wait_until_ready();
+  void open();
   /// Waits for the calls that run, but for those that hang; nothing runs from then on.
   void close();
 
@@ -119,14 +120,11 @@ class LiveUnits {
 
   /// Another one in place of a unit that is out of service; any thread may make it, and hands it to
   /// whoever drives the units.
-  /// @throws As wait_until_ready.
-  [[nodiscard]] std::unique_ptr<KernelUnit> make_ready(UnitId unit,
-                                                       std::vector<Preparation> preparations);
+  /// @throws As open.
+  [[nodiscard]] KernelUnit::Owner make_ready(UnitId unit);
   /// @param fresh  Runs the unit's calls from now on.
   /// @return  What did so far, and has none.
-  [[nodiscard]] std::unique_ptr<KernelUnit> replace(UnitId unit, std::unique_ptr<KernelUnit> fresh);
-  /// The end of it.
-  static void close(std::unique_ptr<KernelUnit> unit);
+  [[nodiscard]] KernelUnit::Owner replace(UnitId unit, KernelUnit::Owner fresh);
 
   /// Calls that do not end: their units are abandoned, and nothing is heard of their calls any
   /// more; a state that one has is as it was before it. One that does not end elsewhere is
@@ -153,16 +151,8 @@ class LiveUnits {
   /// a call that waits there would have ended.
   [[nodiscard]] bool any_may_come_back() const;
 
-  /// Hears how each call ended. How often calls of the workload have now been given back by the
-  /// unit, in a row.
-  int count_returns(UnitId unit, WorkloadId workload, const CallEnd& end);
-  /// So often, and the unit is no longer asked for the workload.
-  static constexpr int kMostReturns = 3;
-  void forget_returns(UnitId unit) { returns_[unit].clear(); }
-
  private:
-  [[nodiscard]] std::unique_ptr<KernelUnit> make(UnitId unit,
-                                                 std::vector<Preparation> preparations);
+  [[nodiscard]] KernelUnit::Owner make(UnitId unit, std::vector<Preparation> preparations);
   void wait_until_ready(KernelUnit& unit, Nanos until) const;
   [[nodiscard]] std::optional<Nanos> limit_of(UnitId unit, const Call& call) const;
   void look_for_lost(UnitId unit);
@@ -183,14 +173,13 @@ class LiveUnits {
   Nanos look_every_{0};
   Nanos counts_from_{0};  ///< The time of calls that began before.
   Nanos next_overdue_ = Nanos::max();
-  std::vector<std::map<WorkloadId, int>> returns_;  ///< By unit; of those that gave any back.
   std::vector<std::optional<Nanos>> out_of_reach_;  ///< By unit, as the driver was told: since.
   struct Lost {
     std::optional<std::weak_ptr<TensorMemory>> memory;  ///< Once it was taken: in use by then.
     bool for_good = false;
   };
   std::map<UnitId, Lost> lost_;
-  std::vector<std::unique_ptr<KernelUnit>> units_;  ///< Last: their threads use all of it.
+  std::vector<KernelUnit::Owner> units_;  ///< Last: their threads use all of it.
 };
 
 }  // namespace pirt

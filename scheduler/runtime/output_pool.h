@@ -36,19 +36,21 @@ class OutputPool {
   }
 
   /// Lets go of all that is in that memory, also of what comes back later.
-  void forget(const TensorMemory* memory) { free_->forget(memory); }
+  void forget(const TensorMemory* memory) {
+    const std::lock_guard lock(free_->mutex);
+    std::erase_if(free_->sets, [memory](const auto& each) { return each.first.second == memory; });
+  }
 
  private:
   using Key = std::pair<const Workload*, const TensorMemory*>;
-  class Free {
-   public:
+  struct Free {
     std::unique_ptr<std::vector<Tensor>> take(const Key& key) {
-      const std::lock_guard lock(mutex_);
-      auto& sets = sets_[key];
-      sets.reserve(kMost);  // So that nothing is asked for where it comes back.
-      if (sets.empty()) return nullptr;
-      auto last = std::move(sets.back());  // Its memory is in a cache yet.
-      sets.pop_back();
+      const std::lock_guard lock(mutex);
+      auto& known = sets[key];
+      known.reserve(kMost);  // So that nothing is asked for where it comes back.
+      if (known.empty()) return nullptr;
+      auto last = std::move(known.back());  // Its memory is in a cache yet.
+      known.pop_back();
       return last;
     }
     void put(const Key& key, std::unique_ptr<std::vector<Tensor>> outputs) noexcept {
@@ -63,21 +65,16 @@ class OutputPool {
       } catch (const std::bad_alloc&) {  // Of its spec.
         return;
       }
-      const std::lock_guard lock(mutex_);
-      const auto sets = sets_.find(key);
-      if (sets != sets_.end() && sets->second.size() < kMost) {
-        sets->second.push_back(std::move(outputs));
+      const std::lock_guard lock(mutex);
+      const auto known = sets.find(key);
+      if (known != sets.end() && known->second.size() < kMost) {
+        known->second.push_back(std::move(outputs));
       }
     }
-    void forget(const TensorMemory* memory) {
-      const std::lock_guard lock(mutex_);
-      std::erase_if(sets_, [memory](const auto& each) { return each.first.second == memory; });
-    }
 
-   private:
     static constexpr std::size_t kMost = 64;  ///< Of a workload: what a burst took is given back.
-    runtime::Mutex mutex_;
-    std::map<Key, std::vector<std::unique_ptr<std::vector<Tensor>>>> sets_;
+    runtime::Mutex mutex;
+    std::map<Key, std::vector<std::unique_ptr<std::vector<Tensor>>>> sets;
   };
   std::shared_ptr<Free> free_ = std::make_shared<Free>();
 };

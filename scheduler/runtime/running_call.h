@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <mutex>
 #include <optional>
+#include <stop_token>
 
 #include "scheduler/runtime/threads.h"
 #include "workloads/base/time.h"
@@ -55,20 +56,22 @@ class RunningCall {
       if (is_under_way(now) && now >> kBits == seen.number) return seen;
     }
   }
-  /// Does @p act before the call ends. False, and nothing was done, if it has ended.
-  template <typename Act>
-  bool act_within(std::uint64_t number, const Act& act) {
+  /// Asks it to stop, if it has not ended. @return  Whether that is news.
+  bool request_stop(std::uint64_t number) {
     const std::lock_guard lock(mutex_);
     if (!change(number, kHeld)) return false;
-    act();
+    const bool is_news = stop.request_stop();
     state_.store(number << kBits | kRuns);
-    return true;
+    return is_news;
   }
   /// Its thread hears of that when it ends. False if it has ended.
   [[nodiscard]] bool give_up(std::uint64_t number) {
     const std::lock_guard lock(mutex_);
     return change(number, kGivenUp);
   }
+
+  /// Its thread's, but within request_stop and once given up; as good as new before each.
+  std::stop_source stop;
 
  private:
   static constexpr int kBits = 2;

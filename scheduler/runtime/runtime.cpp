@@ -82,21 +82,14 @@ Runtime::~Runtime() {
 
 TaskFuture Runtime::submit(WorkloadHandle workload, std::vector<TaskInput> inputs,
                            TaskOptions options, Callback callback) {
-  engine_->check(workload.engine_);
-  return engine_->submit(workload.index_, std::move(inputs), std::move(options),
-                         std::move(callback));
+  return engine_->submit(workload, std::move(inputs), std::move(options), std::move(callback));
 }
 TaskFuture Runtime::submit(std::string_view workload, std::vector<TaskInput> inputs,
                            TaskOptions options, Callback callback) {
   return submit(this->workload(workload), std::move(inputs), std::move(options),
                 std::move(callback));
 }
-WorkloadHandle Runtime::workload(std::string_view name) const {
-  WorkloadHandle handle;
-  handle.engine_ = engine_->number();
-  handle.index_ = engine_->find(name);
-  return handle;
-}
+WorkloadHandle Runtime::workload(std::string_view name) const { return engine_->find(name); }
 void Runtime::cancel(const TaskFuture& task) { engine_->cancel(task); }
 void Runtime::cancel_all() { engine_->cancel_all(); }
 void Runtime::wait_all() { engine_->wait_all(); }

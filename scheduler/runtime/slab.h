@@ -3,6 +3,7 @@
 // last has come back.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstddef>
@@ -93,9 +94,6 @@ class Slab {
   static std::uint32_t first_of(std::uint32_t chunk) {
     return chunk == 0 ? 0 : kSmallest << (chunk - 1);
   }
-  static std::uint32_t size_of(std::uint32_t chunk) {
-    return chunk == 0 ? kSmallest : kSmallest << (chunk - 1);
-  }
 
   Slab() = default;
   ~Slab() {
@@ -108,15 +106,15 @@ class Slab {
     // Who waited for the lock may find what another has made.
     if (Record* const free = take_free()) return *free;
     const std::uint32_t chunk = chunk_of(made_);
-    const std::uint32_t begin = first_of(chunk), size = size_of(chunk);
+    const std::uint32_t begin = made_, size = std::max(kSmallest, made_);
     auto* const records = new Record[size];
     for (std::uint32_t i = 0; i < size; ++i) {
       records[i].place.slab = this;
       records[i].place.index = begin + i;
+      records[i].place.next_free = begin + i + 1;
     }
     chunks_.at(chunk).store(records, std::memory_order_release);
     made_ += size;
-    for (std::uint32_t i = 0; i + 1 < size; ++i) records[i].place.next_free = begin + i + 1;
     Record& last = records[size - 1];
     std::uint64_t head = head_.load();
     do {

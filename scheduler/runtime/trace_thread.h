@@ -6,10 +6,15 @@
 // is more than some thousands of events ahead of the writer waits for it.
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <cstdint>
 #include <exception>
+#include <memory>
+#include <memory_resource>
 #include <mutex>
-#include <tuple>
-#include <variant>
+#include <span>
+#include <type_traits>
 #include <vector>
 
 #include "scheduler/runtime/threads.h"
@@ -31,19 +36,22 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
   void on_input(const DispatcherInput& input, const Answer& answer) override;
   void submitted(TaskId task, std::size_t pipeline, std::size_t position,
                  std::uint64_t firing) override {
-    note(&RunObserver::submitted, task, pipeline, position, firing);
+    note([=](TraceWriter& writer) { writer.submitted(task, pipeline, position, firing); });
   }
   void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override {
-    note(&RunObserver::arrived, servers_index, job, power_w);
+    note([=](TraceWriter& writer) { writer.arrived(servers_index, job, power_w); });
   }
   void departed(std::size_t servers_index, std::uint32_t job) override {
-    note(&RunObserver::departed, servers_index, job);
+    note([=](TraceWriter& writer) { writer.departed(servers_index, job); });
+  }
+  void draws(std::size_t servers_index, std::uint32_t job, double power_w) override {
+    note([=](TraceWriter& writer) { writer.draws(servers_index, job, power_w); });
   }
   void drawing(std::size_t servers_index, double by_w) override {
-    note(&RunObserver::drawing, servers_index, by_w);
+    note([=](TraceWriter& writer) { writer.drawing(servers_index, by_w); });
   }
   void preparing(TaskId task, Nanos now, Nanos takes) override {
-    note(&RunObserver::preparing, task, now, takes);
+    note([=](TraceWriter& writer) { writer.preparing(task, now, takes); });
   }
   void settled(Nanos now, std::span<const int> waiting) override;
 
@@ -52,43 +60,44 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
   void finish();
 
  private:
-  struct Input {
-    DispatcherInput input;  ///< Of tasks and decisions only the number counts.
-    Answer answer;
+  /// The thread writes when there are so many events, or a while after the first.
+  static constexpr std::size_t kWakes = 4096;
+
+  /// What the writer is told of something that happened.
+  struct Event {
+    void (*tell)(const void* what, TraceWriter& writer);
+    const void* what;
   };
-  /// Something that an observer was told, with all that it shows.
-  template <typename... Args>
-  struct Told {
-    void (RunObserver::*what)(Args...);
-    std::tuple<Args...> args;
-  };
-  struct Settled {
-    Nanos now;
-    std::size_t waiting;
-  };
-  using Event =
-      std::variant<Input, Settled, Told<TaskId, std::size_t, std::size_t, std::uint64_t>,
-                   Told<std::size_t, std::uint32_t, double>, Told<std::size_t, std::uint32_t>,
-                   Told<std::size_t, double>, Told<TaskId, Nanos, Nanos>>;
-  /// Events in order, and what they show, each kind in order too. Keeps its memory.
+  /// In order, and behind each all that it shows.
   struct Batch {
     std::vector<Event> events;
-    std::vector<Task> tasks;  ///< Of their predecessors and series only the number counts.
-    std::vector<TaskId> after;
-    std::vector<std::uint32_t> after_own;
-    std::vector<SeriesId> reads;
-    Effects effects;
-    std::vector<int> waiting;
-    void clear();
+    std::pmr::monotonic_buffer_resource memory{std::size_t{1} << 16U};
   };
-  class Teller;
 
+  /// The mutex, once there is room for another event: what follows is with it.
   [[nodiscard]] std::unique_lock<runtime::Mutex> room();
-  void add(const Event& event);
-  template <typename... Args>
-  void note(void (RunObserver::*what)(Args...), Args... args) {
+  /// A copy as long as the batch is there.
+  template <typename T>
+  std::span<T> keep(std::span<const T> from) {
+    static_assert(std::is_trivially_destructible_v<T>);  // Nobody destroys it.
+    T* const copy = std::pmr::polymorphic_allocator<T>(&filling_->memory).allocate(from.size());
+    std::uninitialized_copy(from.begin(), from.end(), copy);
+    return {copy, from.size()};
+  }
+  /// @param tell  void(TraceWriter&): shows what is kept alone.
+  template <typename Tell>
+  void add(const Tell& tell) {
+    const auto call = [](const void* what, TraceWriter& writer) {
+      (*static_cast<const Tell*>(what))(writer);
+    };
+    filling_->events.push_back({call, keep(std::span<const Tell>(&tell, 1)).data()});
+    const std::size_t size = filling_->events.size();
+    if (size == 1 || size == kWakes) changed_.notify_all();
+  }
+  template <typename Tell>
+  void note(const Tell& tell) {
     const auto lock = room();
-    add(Told<Args...>{what, {args...}});
+    add(tell);
   }
   void write();
   void stop();
@@ -97,7 +106,8 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
   std::exception_ptr failure_;  ///< Of the thread until it is joined.
   runtime::Mutex mutex_;
   runtime::Condition changed_;
-  Batch filling_;
+  std::array<Batch, 2> batches_;
+  Batch* filling_ = &batches_[0];
   bool stopping_ = false;
   runtime::Thread thread_;  ///< Last: it uses all of it.
 };

@@ -1,8 +1,8 @@
 #include "scheduler/unit_times/handover.h"
 
 #include <array>
-#include <condition_variable>
-#include <mutex>
+#include <semaphore>
+#include <string>
 #include <thread>
 
 #include "scheduler/runtime/kernel_unit.h"
@@ -55,14 +55,10 @@ class EmptyUnit {
   }
   /// So many calls, each but the first handed over from the end of the one before.
   void run(int calls) {
-    {
-      const std::lock_guard lock(mutex_);
-      to_end_ = calls;
-    }
+    to_end_ = calls;
     handed_at_ = clock_.now();
     unit_.run(call_);
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return to_end_ == 0; });
+    over_.acquire();
     if (!problem_.empty()) throw_environment(problem_);
   }
   void compute() {
@@ -76,12 +72,8 @@ class EmptyUnit {
   }
 
   void ended(const CallEnd& end) {
-    {
-      const std::lock_guard lock(mutex_);
-      problem_ = end.problem;
-      to_end_ = problem_.empty() ? to_end_ - 1 : 0;
-      if (to_end_ == 0) return changed_.notify_one();
-    }
+    problem_ = end.problem;
+    if (--to_end_ == 0 || !problem_.empty()) return over_.release();
     unit_.run(call_);
   }
 
@@ -89,13 +81,13 @@ class EmptyUnit {
   Workload workload_;
   Call call_;  ///< One at a time.
   MachineClock clock_;
-  bool bound_ = false;        ///< Of the unit's thread, as those below until it has ended
-  Nanos handed_at_{0};        ///< the last call
-  std::vector<Nanos> times_;  ///< that somebody waits for.
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  int to_end_ = 0;  ///< Calls that somebody waits for.
+  // Of the unit's thread until the last call has ended.
+  bool bound_ = false;
+  Nanos handed_at_{0};
+  std::vector<Nanos> times_;
+  int to_end_ = 0;  ///< Calls.
   std::string problem_;
+  std::binary_semaphore over_{0};
   KernelUnit unit_;  ///< Last: its thread uses all else.
 };
 

@@ -54,7 +54,7 @@ class FarKernel : public Kernel {
       return answered || !there_.reachable || unwanted_;
     });
     there_.change([this] { --there_.under_way; });
-    if (!ended || !answered) throw_environment("it was not answered");
+    if (!ended || !answered) throw_environment("it was not answered; answer it");
     return std::nullopt;
   }
   void give_up() {
@@ -143,9 +143,13 @@ class KernelUnitElsewhere : public testing::Test {
                     .prepare_first = false,
                     .lanes = lanes,
                     .spin = spin};
-    auto unit = std::make_unique<KernelUnit>(std::move(setup), [this](Call& call, CallEnd& end) {
+    return std::make_unique<KernelUnit>(std::move(setup), [this](Call& call, CallEnd& end) {
       there_.change([&] { ends_[call.token] = std::move(end); });
     });
+  }
+  std::unique_ptr<KernelUnit> open_ready(int lanes, bool far = true, Nanos spin = Nanos(0)) {
+    auto unit = open(lanes, far, spin);
+    EXPECT_TRUE(unit->wait_until_ready(20s));
     return unit;
   }
   Call& call(std::uint64_t token) {
@@ -154,8 +158,15 @@ class KernelUnitElsewhere : public testing::Test {
     call.token = token;
     return call;
   }
-  [[nodiscard]] bool wait_for_end(std::uint64_t token) {
-    return there_.wait([&] { return ends_.contains(token); });
+  /// Once it has ended.
+  const CallEnd& end_of(std::uint64_t token) {
+    EXPECT_TRUE(there_.wait([&] { return ends_.contains(token); }));
+    const std::lock_guard lock(there_.mutex);
+    return ends_[token];
+  }
+  const CallEnd& run(KernelUnit& unit, std::uint64_t token) {
+    unit.run(call(token));
+    return end_of(token);
   }
   [[nodiscard]] bool wait_for_under_way(int number) {
     return there_.wait([&] { return there_.under_way == number; });
@@ -170,95 +181,76 @@ class KernelUnitElsewhere : public testing::Test {
 };
 
 TEST_F(KernelUnitElsewhere, HasAsManyCallsUnderWayAsLanes) {
-  const auto unit = open(3);
-  ASSERT_TRUE(unit->wait_until_ready(20s));
+  const auto unit = open_ready(3);
   for (std::uint64_t token = 1; token <= 5; ++token) unit->run(call(token));
   ASSERT_TRUE(wait_for_under_way(3));
   EXPECT_EQ(unit->running().size(), 3U);
   EXPECT_EQ(unit->remote()->link().round_trip, from_ms(3));
   there_.change([this] { there_.answers = true; });
   for (std::uint64_t token = 1; token <= 5; ++token) {
-    ASSERT_TRUE(wait_for_end(token));
-    EXPECT_EQ(ends_[token].outcome, Outcome::kCompleted);
-    EXPECT_FALSE(ends_[token].excused);
+    EXPECT_EQ(end_of(token).outcome, Outcome::kCompleted);
+    EXPECT_FALSE(end_of(token).excused);
   }
   EXPECT_EQ(there_.prepared, 3) << "a kernel is used by one thread at a time";
 }
 
 TEST_F(KernelUnitElsewhere, OpensALostDeviceAgain) {
   there_.change([this] { there_.reachable = false; });
-  const auto unit = open(1, false);
-  ASSERT_TRUE(unit->wait_until_ready(20s));
-  unit->run(call(1));
-  ASSERT_TRUE(wait_for_end(1));
-  EXPECT_EQ(ends_[1].outcome, Outcome::kReturned);
-  EXPECT_THAT(ends_[1].problem, testing::HasSubstr("lost, and is opened again"));
+  const auto unit = open_ready(1, false);
+  EXPECT_EQ(run(*unit, 1).outcome, Outcome::kReturned);
+  EXPECT_THAT(ends_[1].problem,
+              AllOf(HasSubstr("not answered"), HasSubstr("lost, and is opened again")));
+  EXPECT_THAT(ends_[1].problem, testing::Not(HasSubstr("answer it"))) << "no remedy any more";
   EXPECT_FALSE(ends_[1].excused) << "who breaks it each time is not asked for any more";
   there_.change([this] { there_.reachable = there_.answers = true; });
-  unit->run(call(2));
-  ASSERT_TRUE(wait_for_end(2));
-  EXPECT_EQ(ends_[2].outcome, Outcome::kCompleted);
+  EXPECT_EQ(run(*unit, 2).outcome, Outcome::kCompleted);
   EXPECT_EQ(there_.prepared, 2) << "kernels went with the device";
 }
 
 TEST_F(KernelUnitElsewhere, DoesNotTakeAnotherDeviceForALostOne) {
   there_.change([this] { there_.reachable = false; });
-  const auto unit = open(1, false);
-  ASSERT_TRUE(unit->wait_until_ready(20s));
+  const auto unit = open_ready(1, false);
   there_.change([this] { there_.name = "another"; });
-  unit->run(call(1));
-  ASSERT_TRUE(wait_for_end(1));
-  EXPECT_THAT(ends_[1].problem, testing::HasSubstr("its device is lost"));
+  EXPECT_THAT(run(*unit, 1).problem, testing::HasSubstr("its device is lost"));
+  EXPECT_THAT(unit->why_lost(), HasSubstr("another"));
   EXPECT_FALSE(unit->is_reachable());
 }
 
 TEST_F(KernelUnitElsewhere, GivesBackAllCallsUntilItHasALostDeviceAgain) {
   there_.change([this] { there_.reachable = false; });
-  const auto unit = open(1, false);
-  ASSERT_TRUE(unit->wait_until_ready(20s));
+  const auto unit = open_ready(1, false);
   there_.change([this] { there_.opens = false; });
-  unit->run(call(1));
-  ASSERT_TRUE(wait_for_end(1));
-  EXPECT_EQ(ends_[1].outcome, Outcome::kReturned);
+  EXPECT_EQ(run(*unit, 1).outcome, Outcome::kReturned);
   EXPECT_FALSE(ends_[1].excused);
   EXPECT_THAT(ends_[1].problem, testing::HasSubstr("its device is lost"));
+  EXPECT_EQ(unit->why_lost(), "no context");
   EXPECT_FALSE(unit->is_reachable());
   unit->open_again();
-  unit->run(call(2));
-  ASSERT_TRUE(wait_for_end(2));
-  EXPECT_EQ(ends_[2].outcome, Outcome::kReturned);
+  EXPECT_EQ(run(*unit, 2).outcome, Outcome::kReturned);
   EXPECT_TRUE(ends_[2].excused) << "it is not this one's fault";
   there_.change([this] { there_.opens = there_.reachable = there_.answers = true; });
-  unit->run(call(3));
-  ASSERT_TRUE(wait_for_end(3));
-  EXPECT_EQ(ends_[3].outcome, Outcome::kReturned) << "nobody has asked it to open";
+  EXPECT_EQ(run(*unit, 3).outcome, Outcome::kReturned) << "nobody has asked it to open";
   unit->open_again();
-  unit->run(call(4));
-  ASSERT_TRUE(wait_for_end(4));
+  EXPECT_EQ(run(*unit, 4).outcome, Outcome::kCompleted);
   EXPECT_TRUE(unit->is_reachable());
-  EXPECT_EQ(ends_[4].outcome, Outcome::kCompleted);
 }
 
 TEST_F(KernelUnitElsewhere, GivesBackWhatNobodyWantsThereAndThatAlone) {
-  const auto unit = open(2);
-  ASSERT_TRUE(unit->wait_until_ready(20s));
+  const auto unit = open_ready(2);
   unit->run(call(1));
   unit->run(call(2));
   ASSERT_TRUE(wait_for_under_way(2));
   unit->request_stop(call(1));
-  ASSERT_TRUE(wait_for_end(1));
-  EXPECT_EQ(ends_[1].outcome, Outcome::kReturned);
+  EXPECT_EQ(end_of(1).outcome, Outcome::kReturned);
   EXPECT_TRUE(ends_[1].excused);
   EXPECT_EQ(ends_.size(), 1U);
   there_.change([this] { there_.answers = true; });
-  ASSERT_TRUE(wait_for_end(2));
-  EXPECT_EQ(ends_[2].outcome, Outcome::kCompleted);
+  EXPECT_EQ(end_of(2).outcome, Outcome::kCompleted);
   // The lane whose call was taken back is as good as new.
   unit->run(call(3));
   unit->run(call(4));
-  ASSERT_TRUE(wait_for_end(3) && wait_for_end(4));
-  EXPECT_EQ(ends_[3].outcome, Outcome::kCompleted);
-  EXPECT_EQ(ends_[4].outcome, Outcome::kCompleted);
+  EXPECT_EQ(end_of(3).outcome, Outcome::kCompleted);
+  EXPECT_EQ(end_of(4).outcome, Outcome::kCompleted);
 }
 
 TEST_F(KernelUnitElsewhere, GivesBackWhatIsNotWantedBeforeItBegan) {
@@ -266,25 +258,22 @@ TEST_F(KernelUnitElsewhere, GivesBackWhatIsNotWantedBeforeItBegan) {
     there_.answers = false;
     calls_.clear();
     ends_.clear();
-    const auto unit = open(1, far);
-    ASSERT_TRUE(unit->wait_until_ready(20s));
+    const auto unit = open_ready(1, far);
     unit->run(call(1));
     ASSERT_TRUE(wait_for_under_way(1));
     unit->run(call(2));
     unit->run(call(3));
     unit->request_stop(call(2));
     there_.change([this] { there_.answers = true; });
-    ASSERT_TRUE(wait_for_end(3));
+    EXPECT_EQ(end_of(3).outcome, Outcome::kCompleted);
     EXPECT_EQ(ends_[1].outcome, Outcome::kCompleted);
     EXPECT_EQ(ends_[2].outcome, Outcome::kReturned);
     EXPECT_TRUE(ends_[2].excused);
-    EXPECT_EQ(ends_[3].outcome, Outcome::kCompleted);
   }
 }
 
 TEST_F(KernelUnitElsewhere, LetsGoOfItsDeviceWhenACallThatWasGivenUpEndsAfterAll) {
-  const auto unit = open(1, false);
-  ASSERT_TRUE(unit->wait_until_ready(20s));
+  const auto unit = open_ready(1, false);
   unit->run(call(1));
   ASSERT_TRUE(wait_for_under_way(1));
   EXPECT_TRUE(unit->abandon(unit->running().front()).has_value());
@@ -294,8 +283,7 @@ TEST_F(KernelUnitElsewhere, LetsGoOfItsDeviceWhenACallThatWasGivenUpEndsAfterAll
 }
 
 TEST_F(KernelUnitElsewhere, ItsEndWaitsForNoAnswer) {
-  auto unit = open(2);
-  ASSERT_TRUE(unit->wait_until_ready(20s));
+  auto unit = open_ready(2);
   for (std::uint64_t token = 1; token <= 3; ++token) unit->run(call(token));
   ASSERT_TRUE(wait_for_under_way(2));
   unit.reset();
@@ -304,28 +292,23 @@ TEST_F(KernelUnitElsewhere, ItsEndWaitsForNoAnswer) {
 }
 
 TEST_F(KernelUnitElsewhere, WhatIsGivenBackWhileItIsOutOfReachIsExcused) {
-  const auto unit = open(1);
-  ASSERT_TRUE(unit->wait_until_ready(20s));
+  const auto unit = open_ready(1);
   unit->run(call(1));
   ASSERT_TRUE(wait_for_under_way(1));
   there_.change([this] { there_.reachable = false; });
-  ASSERT_TRUE(wait_for_end(1));
-  EXPECT_EQ(ends_[1].outcome, Outcome::kReturned);
+  EXPECT_EQ(end_of(1).outcome, Outcome::kReturned);
   EXPECT_TRUE(ends_[1].excused);
 }
 
 TEST_F(KernelUnitElsewhere, CountsWhatItStaysAwakeForTheNextCallWhereItMay) {
   there_.answers = true;
   for (const Nanos spin : {Nanos(0), Nanos(20us)}) {
-    const auto unit = open(1, false, spin);
-    ASSERT_TRUE(unit->wait_until_ready(20s));
+    const auto unit = open_ready(1, false, spin);
     Nanos awake{0};
     // Now and then a call is there before the unit has looked for one.
     for (std::uint64_t token = 1; token <= 1000 && awake == Nanos(0); ++token) {
       ends_.clear();
-      unit->run(call(token));
-      ASSERT_TRUE(wait_for_end(token));
-      awake += ends_[token].awake;
+      awake += run(*unit, token).awake;
       std::this_thread::sleep_for(100us);
     }
     EXPECT_EQ(awake > Nanos(0), spin > Nanos(0));

@@ -9,9 +9,9 @@
 #include "scheduler/virtual/virtual_time.h"
 #include "tests/scheduler/support.h"
 #include "tests/support/optional_backend.h"
+#include "tests/workloads/catalog/workload_support.h"
 #include "workloads/backends/registry.h"
 #include "workloads/catalog/catalog.h"
-#include "workloads/inputs/pictures/images.h"
 
 namespace pirt::test {
 namespace {
@@ -86,8 +86,7 @@ class Serial {
                            StateValue* state = nullptr) {
     auto& kernel = kernels_[&workload];
     if (kernel == nullptr) {
-      const Data data = workload.make_data({.seed = 1, .images = images_.get()});
-      kernel = device_->prepare(workload, data.parameters);
+      kernel = device_->prepare(workload, data_of_seed_1(workload).parameters);
     }
     std::vector<Tensor> outputs = make_tensors(workload.outputs);
     kernel->bind(inputs, outputs);
@@ -98,12 +97,8 @@ class Serial {
     if (state != nullptr) state->commit(0);
     return outputs;
   }
-  std::vector<Tensor> camera(const Workload& workload) {
-    return std::move(workload.make_data({.seed = 1, .images = images_.get()}).inputs);
-  }
 
  private:
-  std::unique_ptr<ImageSource> images_ = generated_images(1);
   std::unique_ptr<Device> device_ = find_backend("cpu").open(UnitRequest{"cpu", {}, {}, {}});
   std::map<const Workload*, std::unique_ptr<Kernel>> kernels_;
 };
@@ -124,7 +119,7 @@ Outputs serial() {
   std::vector<Tensor> before;
   Outputs outputs;
   for (std::uint64_t firing = 0; firing < 20; ++firing) {
-    auto undistorted = cpu.call(undistort, cpu.camera(undistort));
+    auto undistorted = cpu.call(undistort, data_of_seed_1(undistort).inputs);
     const auto blurred = cpu.call(blur, first_of(undistorted));
     outputs[{0, firing}] = bytes_of(undistorted);
     outputs[{1, firing}] = bytes_of(blurred);
@@ -334,12 +329,11 @@ TEST(Live, AUnitThatHangsIsTakenOutOfServiceAndItsStateIsThatOfBefore) {
   const Workload& model = find_workload("background_model");
   Serial cpu;
   StateValue state(model);
-  const auto images = generated_images(1);
+  const std::vector<Data> frames = sequence_of(model);
   for (std::uint64_t firing = 1; firing < 12; ++firing) {
-    const int frame = static_cast<int>(firing % static_cast<std::uint64_t>(model.frames));
+    const auto frame = firing % frames.size();
     if (frame == 0) state.restart();  // As the sequence does.
-    Data data = model.make_data({.seed = 1, .images = images.get(), .frame = frame});
-    const auto made = cpu.call(model, std::move(data.inputs), &state);
+    const auto made = cpu.call(model, copy_tensors(frames[frame].inputs), &state);
     EXPECT_EQ((outputs[{0, firing}] == bytes_of(made)), true) << firing;
   }
   EXPECT_FALSE(replay_file(trace).result.difference);

@@ -3,10 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include <map>
 #include <semaphore>
 #include <thread>
-#include <utility>
 #include <vector>
 
 #include "tests/scheduler/support.h"
@@ -20,10 +18,13 @@ class Driver final : public LiveDriver {
  public:
   void ended(UnitId, Call&, CallEnd&) override {}
   void slice_ended(UnitId, Call&) override {}
+  [[nodiscard]] std::vector<Preparation> preparations(UnitId) override { return {prepared}; }
+  void add_problem(std::string) override {}
   [[nodiscard]] Expectation expected(UnitId, const Call&) override { return {}; }
   void set_unit(UnitId, UnitState) override {}
   void give_up(UnitId, Call&, CallEnd) override { ++given_up; }
 
+  Preparation prepared;
   int given_up = 0;
 };
 
@@ -40,13 +41,11 @@ TEST(LiveUnits, ACallDoesNotRunWhileTheProcessStandsStill) {
   const auto platform = platform_of("platform: one\nunits: {cpu: {backend: fake, active_w: 1}}\n");
   Driver driver;
   LiveUnits units(platform, {.time_limit = 1ms}, driver);
-  std::map<UnitId, std::vector<Preparation>> prepared;
-  prepared[0].push_back({.workload = &workload, .sample = nullptr, .function = [](auto, auto) {
-                           begun.release();
-                           never.acquire();
-                         }});
-  units.open(std::move(prepared));
-  units.wait_until_ready();
+  driver.prepared = {.workload = &workload, .sample = nullptr, .function = [](auto, auto) {
+                       begun.release();
+                       never.acquire();
+                     }};
+  units.open();
   Call& call = *new Call;  // Its unit's for good.
   units.fill(0, call, workload, {}, {}, Nanos(0));
   units.run(0, call);

@@ -6,10 +6,10 @@
 #include "scheduler/runtime/runtime.h"
 #include "tests/scheduler/support.h"
 #include "tests/workloads/backends/nats/nats_server.h"
+#include "tests/workloads/catalog/workload_support.h"
 #include "workloads/backends/nats/service/computer.h"
 #include "workloads/backends/registry.h"
 #include "workloads/catalog/catalog.h"
-#include "workloads/inputs/pictures/images.h"
 
 namespace pirt::test {
 namespace {
@@ -33,8 +33,7 @@ units:
 }
 
 TaskFuture submit(Runtime& runtime) {
-  const auto images = generated_images(1);
-  const Data data = find_workload("pool5").make_data({.seed = 1, .images = images.get()});
+  const Data data = data_of_seed_1(find_workload("pool5"));
   return runtime.submit("pool5", {data.inputs.begin(), data.inputs.end()});
 }
 

@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "scheduler/runtime/live_units.h"
+#include "scheduler/runtime/engine.h"
 #include "tests/scheduler/runtime/runtime_support.h"
 
 namespace pirt::test {
@@ -95,7 +95,7 @@ TEST(Runtime, AUnitThatCannotRunOneWorkloadStillRunsTheOthers) {
   EXPECT_EQ(value_of(there.get()), 3);
   const auto statistics = runtime.statistics();
   EXPECT_TRUE(statistics.units[0].in_service);
-  EXPECT_LE(statistics.returned, LiveUnits::kMostReturns);
+  EXPECT_LE(statistics.returned, runtime::kMostReturns);
 }
 
 TEST(Runtime, WhatAUnitGaveBackTooOftenItIsAskedForAgainOnceBroughtBack) {
@@ -106,7 +106,7 @@ TEST(Runtime, WhatAUnitGaveBackTooOftenItIsAskedForAgainOnceBroughtBack) {
     out[0].template as<double>()[0] = value_of(in);
   });
   Runtime runtime(options_with({fickle, adding()}, kOneUnit));
-  for (int i = 0; i < LiveUnits::kMostReturns; ++i) runtime.submit("fickle", {number(1)}).wait();
+  for (int i = 0; i < runtime::kMostReturns; ++i) runtime.submit("fickle", {number(1)}).wait();
   broken = false;
   runtime.bring_back("cpu");
   const auto task = runtime.submit("fickle", {number(7)});
@@ -274,7 +274,7 @@ TEST(Runtime, AFunctionThatFailsForItsCancellingIsAskedForAgain) {
   });
   Runtime runtime(options_with({impatient}, kOneUnit));
   waits = true;
-  for (int i = 0; i < LiveUnits::kMostReturns; ++i) {
+  for (int i = 0; i < runtime::kMostReturns; ++i) {
     std::latch one(1);
     begun = &one;
     const auto cancelled = runtime.submit("impatient", {number(1)});
@@ -308,7 +308,7 @@ TEST(Runtime, ProgressHearsOfTheStartAloneAndWhatComesLaterMayAsk) {
   Runtime runtime(std::move(options));
   asked = &runtime;
   started = true;
-  for (int i = 0; i < LiveUnits::kMostReturns; ++i) runtime.submit("fickle", {number(1)}).wait();
+  for (int i = 0; i < runtime::kMostReturns; ++i) runtime.submit("fickle", {number(1)}).wait();
   EXPECT_FALSE(runtime.statistics().units[0].in_service);
   broken = false;
   runtime.bring_back("cpu");

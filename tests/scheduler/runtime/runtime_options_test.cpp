@@ -2,9 +2,9 @@
 #include "scheduler/runtime/runtime.h"
 #include "tests/scheduler/runtime/runtime_support.h"
 #include "tests/support/paths.h"
+#include "tests/workloads/catalog/workload_support.h"
 #include "tests/workloads/inputs/sequence_support.h"
 #include "workloads/catalog/catalog.h"
-#include "workloads/inputs/pictures/images.h"
 #include "workloads/model/host_function.h"
 #include "workloads/vision/vision.h"
 
@@ -119,8 +119,7 @@ TEST(Runtime, WithAProfileUnitsServeWhatTheyHaveValidRowsOf) {
     one.progress = [&said](const std::string& line) { said.push_back(line); };
     Runtime runtime(std::move(one));
     EXPECT_THAT(said, testing::Contains(HasSubstr("sobel on cpu is not used")));
-    const auto images = generated_images(1);
-    const Data data = find_workload("sobel").make_data({.seed = 1, .images = images.get()});
+    const Data data = data_of_seed_1(find_workload("sobel"));
     for (int i = 0; i < 10; ++i) {
       const auto edges = runtime.submit("sobel", {data.inputs[0]});
       EXPECT_EQ(edges.wait(), TaskEnd::kCompleted);
@@ -149,8 +148,7 @@ TEST(Runtime, NeverTakesTheRowsOfAnotherSize) {
   Profile measured = profile_of_sobel(true, true);
   for (PhaseRow& row : measured.phases) row.workload = "sobel@64x48";
   Runtime runtime(options_for(measured));
-  const auto images = generated_images(1);
-  const Data data = vision::make_sobel(64, 48).make_data({.seed = 1, .images = images.get()});
+  const Data data = data_of_seed_1(vision::make_sobel(64, 48));
   EXPECT_EQ(runtime.submit("sobel", {data.inputs[0]}).wait(), TaskEnd::kCompleted);
 }
 
@@ -162,8 +160,7 @@ TEST(Runtime, ServesWorkloadsOfFiles) {
   EXPECT_NO_THROW(static_cast<void>(runtime.workload("mine.sobel@32x24")));
   EXPECT_THAT(bad_input([&] { static_cast<void>(runtime.workload("mine.sobel")); }),
               HasSubstr("mine.sobel"));
-  const auto images = generated_images(1);
-  const Data data = vision::make_sobel(64, 48).make_data({.seed = 1, .images = images.get()});
+  const Data data = data_of_seed_1(vision::make_sobel(64, 48));
   const auto mine = runtime.submit("mine.sobel@64x48", {data.inputs[0]});
   const auto theirs = runtime.submit("sobel@64x48", {data.inputs[0]});
   EXPECT_TRUE(verify_exact(mine.get(), theirs.get()).ok);
@@ -176,19 +173,13 @@ TEST(Runtime, ServesWorkloadsOfFiles) {
               AllOf(HasSubstr("has no workload 'sobel'"), HasSubstr("mine.sobel")));
 }
 
-TEST(Runtime, TasksOfAStateHoldItOneAtATimeInOrder) {
-  RuntimeOptions options = options_with({});
-  options.workloads = {"background_model"};
-  Runtime runtime(std::move(options));
-  const Workload& model = find_workload("background_model");
-  const auto images = generated_images(1);
-  std::vector<Data> frames;
-  for (int frame = 0; frame < model.frames; ++frame) {
-    frames.push_back(model.make_data({.seed = 1, .images = images.get(), .frame = frame}));
-  }
+/// Each frame goes to the next of @p names: what they make of them is what the one model does.
+void expect_one_state(Runtime& runtime, const Workload& model,
+                      const std::vector<std::string>& names) {
+  const std::vector<Data> frames = sequence_of(model);
   std::vector<TaskFuture> futures;
-  for (const Data& frame : frames) {
-    futures.push_back(runtime.submit("background_model", {frame.inputs[0]}));
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    futures.push_back(runtime.submit(names[i % names.size()], {frames[i].inputs[0]}));
   }
   const auto expected = reference_of(model, frames);
   for (std::size_t i = 0; i < frames.size(); ++i) {
@@ -197,23 +188,18 @@ TEST(Runtime, TasksOfAStateHoldItOneAtATimeInOrder) {
   }
 }
 
+TEST(Runtime, TasksOfAStateHoldItOneAtATimeInOrder) {
+  RuntimeOptions options = options_with({});
+  options.workloads = {"background_model"};
+  Runtime runtime(std::move(options));
+  expect_one_state(runtime, find_workload("background_model"), {"background_model"});
+}
+
 TEST(Runtime, WorkloadsOfOwnSizesShareAStateByItsName) {
   RuntimeOptions options = options_with({});
   options.workloads = {background("even", 40, 30), background("odd", 40, 30)};
   Runtime runtime(std::move(options));
-  const Workload model = background("both", 40, 30);
-  const auto images = generated_images(1);
-  std::vector<Data> frames;
-  std::vector<TaskFuture> futures;
-  for (int frame = 0; frame < model.frames; ++frame) {
-    frames.push_back(model.make_data({.seed = 1, .images = images.get(), .frame = frame}));
-    futures.push_back(runtime.submit(frame % 2 == 0 ? "even" : "odd", {frames.back().inputs[0]}));
-  }
-  const auto expected = reference_of(model, frames);
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    const Verdict verdict = model.verify(futures[i].get(), expected[i]);
-    EXPECT_TRUE(verdict.ok) << i << ": " << verdict.detail;
-  }
+  expect_one_state(runtime, background("both", 40, 30), {"even", "odd"});
   // It counts its frames, up to 4.
   EXPECT_EQ(runtime.state("background")[1].as<std::int32_t>()[0], 4);
   EXPECT_THAT(bad_input([&] { static_cast<void>(runtime.state("foreground")); }),

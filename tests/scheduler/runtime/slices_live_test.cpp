@@ -9,10 +9,9 @@
 #include <thread>
 
 #include "scheduler/runtime/kernel_unit.h"
-#include "scheduler/runtime/runtime.h"
 #include "scheduler/schedule_live.h"
 #include "scheduler/trace/replay.h"
-#include "tests/scheduler/support.h"
+#include "tests/scheduler/runtime/runtime_support.h"
 #include "workloads/model/slices.h"
 
 namespace pirt::test {
@@ -20,25 +19,15 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr const char* kOneUnit = R"(
-platform: one
-units:
-  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
-)";
-
-using Function = std::function<void()>;
-
-OwnWorkload own(const std::string& name, Function function) {
+OwnWorkload own(const std::string& name, std::function<void()> function) {
   return {.name = name,
           .inputs = {},
           .outputs = {},
           .kernels = {{"cpu", [function = std::move(function)](auto, auto) { function(); }}}};
 }
 
-RuntimeOptions options_with(std::vector<ServedWorkload> served, std::optional<bool> slices = true) {
-  RuntimeOptions options;
-  options.platform = parse_platform("test.yaml", kOneUnit, {}, 2);
-  options.workloads = std::move(served);
+RuntimeOptions edf_with(std::vector<ServedWorkload> served, std::optional<bool> slices = true) {
+  RuntimeOptions options = options_with(std::move(served), kOneUnit);
   options.mode = "edf";
   options.slices = slices;
   return options;
@@ -82,8 +71,7 @@ TEST(LiveSlices, AnUrgentTaskRunsBetweenTwoSlicesOfALongOne) {
   for (const bool slices : {true, false}) {
     Order order;
     Slow slow(order);
-    auto options =
-        options_with({slow.workload(), own("short", [&] { order.add("short"); })}, slices);
+    auto options = edf_with({slow.workload(), own("short", [&] { order.add("short"); })}, slices);
     options.trace = trace_path();
     Runtime runtime(std::move(options));
     const auto task = runtime.submit("long", {}, {.deadline = 10s});
@@ -108,16 +96,16 @@ TEST(LiveSlices, NestAsDeadlinesDo) {
   Order order;
   Slow slow(order);
   std::latch nested{1}, deepest{1};
-  Runtime runtime(options_with({slow.workload(),
-                                own("middle",
-                                    [&] {
-                                      order.add("middle");
-                                      nested.count_down();
-                                      deepest.wait();
-                                      between_slices();
-                                      order.add("middle ends");
-                                    }),
-                                own("short", [&] { order.add("short"); })}));
+  Runtime runtime(edf_with({slow.workload(),
+                            own("middle",
+                                [&] {
+                                  order.add("middle");
+                                  nested.count_down();
+                                  deepest.wait();
+                                  between_slices();
+                                  order.add("middle ends");
+                                }),
+                            own("short", [&] { order.add("short"); })}));
   const auto first = runtime.submit("long", {}, {});
   slow.begun.wait();
   const auto second = runtime.submit("middle", {}, {.deadline = 10s});
@@ -133,21 +121,20 @@ TEST(LiveSlices, NestAsDeadlinesDo) {
 TEST(LiveSlices, WhatIsLeftCanBeCancelledAndHearsOfItWhenItGoesOn) {
   std::latch begun{1}, submitted{1}, let_in{1}, cancelled{1};
   std::atomic<bool> before = true, after = false, inner = true;
-  Runtime runtime(options_with({own("long",
-                                    [&] {
-                                      const std::stop_token stop = stop_of_call();
-                                      before = stop.stop_requested();
-                                      begun.count_down();
-                                      submitted.wait();
-                                      between_slices();
-                                      after =
-                                          stop.stop_requested() && stop_of_call().stop_requested();
-                                    }),
-                                own("short", [&] {
-                                  let_in.count_down();
-                                  cancelled.wait();
-                                  inner = stop_of_call().stop_requested();
-                                })}));
+  Runtime runtime(edf_with({own("long",
+                                [&] {
+                                  const std::stop_token stop = stop_of_call();
+                                  before = stop.stop_requested();
+                                  begun.count_down();
+                                  submitted.wait();
+                                  between_slices();
+                                  after = stop.stop_requested() && stop_of_call().stop_requested();
+                                }),
+                            own("short", [&] {
+                              let_in.count_down();
+                              cancelled.wait();
+                              inner = stop_of_call().stop_requested();
+                            })}));
   const auto task = runtime.submit("long", {}, {});
   begun.wait();
   const auto urgent = runtime.submit("short", {}, {.deadline = 1s});
@@ -166,8 +153,8 @@ TEST(LiveSlices, WhatIsLeftCanBeCancelledAndHearsOfItWhenItGoesOn) {
 TEST(LiveSlices, WhatIsLetInMayFailAndTheOtherGoesOn) {
   Order order;
   Slow slow(order);
-  Runtime runtime(options_with(
-      {slow.workload(), own("short", [] { throw std::runtime_error("no such luck"); })}));
+  Runtime runtime(
+      edf_with({slow.workload(), own("short", [] { throw std::runtime_error("no such luck"); })}));
   const auto task = runtime.submit("long", {}, {});
   slow.begun.wait();
   const auto urgent = runtime.submit("short", {}, {.deadline = 1s});
@@ -184,14 +171,14 @@ TEST(LiveSlices, AHungCallTakesWhatItWasLetIntoWithIt) {
   auto begun = std::make_shared<std::latch>(1);
   auto submitted = std::make_shared<std::latch>(1);
   {
-    auto options = options_with({own("long",
-                                     [=] {
-                                       begun->count_down();
-                                       submitted->wait();
-                                       between_slices();
-                                       gone->count_down();
-                                     }),
-                                 own("short", [=] { ends->wait(); }), own("third", [] {})});
+    auto options = edf_with({own("long",
+                                 [=] {
+                                   begun->count_down();
+                                   submitted->wait();
+                                   between_slices();
+                                   gone->count_down();
+                                 }),
+                             own("short", [=] { ends->wait(); }), own("third", [] {})});
     options.time_limit = 300ms;
     options.trace = trace_path();
     Runtime runtime(std::move(options));
@@ -218,7 +205,7 @@ TEST(LiveSlices, ARuntimeMayEndInTheMiddle) {
     Order order;
     Slow slow(order);
     {
-      Runtime runtime(options_with({slow.workload(), own("short", [&] { order.add("short"); })}));
+      Runtime runtime(edf_with({slow.workload(), own("short", [&] { order.add("short"); })}));
       const auto task = runtime.submit("long", {}, {});
       slow.begun.wait();
       const auto urgent = runtime.submit("short", {}, {.deadline = 1s});
@@ -237,7 +224,7 @@ TEST(LiveSlices, ManyTasksFromManyThreadsEndOnce) {
       ++runs;
     };
   };
-  auto options = options_with({own("a", slices(5)), own("b", slices(3)), own("c", slices(0))});
+  auto options = edf_with({own("a", slices(5)), own("b", slices(3)), own("c", slices(0))});
   options.trace = trace_path();
   Runtime runtime(std::move(options));
   std::vector<std::jthread> threads;
@@ -280,42 +267,26 @@ pipelines:
 )";
 
 // A mix live: plans come while a map is adjusted, and are let in; seldom enough that there is time
-// to adjust between them where all takes fifty times as long. The trace replays.
-TEST(LiveSlices, ALiveRunLeavesCallsToo) {
-  const auto platform = mapping_board(1);
-  const auto mix = mix_of(kPlanningBesideMapping);
-  ScheduleOptions options;
-  options.mode = "edf";
-  options.slices = true;
-  options.duration = from_s(2);
-  options.trace = trace_path();
-  LiveOptions live;
-  live.time_limit = 100s;  // However busy the machine is.
-  const auto record = run_live(platform, nullptr, mix, options, live);
-  EXPECT_GT(record.suspensions.value_or(0), 0);
-  EXPECT_EQ(record.submitted,
-            record.completed + record.dropped + record.expired + record.failed + record.queued);
-  EXPECT_EQ(record.failed, 0) << testing::PrintToString(record.warnings);
-  EXPECT_FALSE(replay_file(trace_path()).result.difference);
-}
-
-// A unit with several slots is given the next call while one runs: it leaves none.
-TEST(LiveSlices, AUnitWithSeveralSlotsLeavesNoCall) {
-  const auto platform = mapping_board(2);
-  EXPECT_FALSE(can_suspend_calls(platform.units[0]));
-  const auto mix = mix_of(kPlanningBesideMapping);
-  ScheduleOptions options;
-  options.mode = "edf";
-  options.slices = true;
-  options.duration = from_s(1);
-  options.trace = trace_path();
-  LiveOptions live;
-  live.time_limit = 100s;
-  const auto record = run_live(platform, nullptr, mix, options, live);
-  EXPECT_FALSE(record.suspensions);
-  EXPECT_EQ(record.submitted, record.completed + record.dropped + record.queued);
-  EXPECT_EQ(record.failed, 0) << testing::PrintToString(record.warnings);
-  EXPECT_FALSE(replay_file(trace_path()).result.difference);
+// to adjust between them where all takes fifty times as long. A unit with several slots is given
+// the next call while one runs: it leaves none. The trace replays.
+TEST(LiveSlices, ALiveRunLeavesCallsTooWhereAUnitHasOneSlot) {
+  for (const int slots : {1, 2}) {
+    SCOPED_TRACE(slots);
+    const auto platform = mapping_board(slots);
+    EXPECT_EQ(can_suspend_calls(platform.units[0]), slots == 1);
+    ScheduleOptions options;
+    options.mode = "edf";
+    options.slices = true;
+    options.duration = from_s(slots == 1 ? 2 : 1);
+    options.trace = trace_path();
+    LiveOptions live;
+    live.time_limit = 100s;  // However busy the machine is.
+    const auto record = run_live(platform, nullptr, mix_of(kPlanningBesideMapping), options, live);
+    EXPECT_EQ(record.suspensions.value_or(0) > 0, slots == 1);
+    EXPECT_EQ(record.submitted, record.completed + record.dropped + record.queued);
+    EXPECT_EQ(record.failed, 0) << testing::PrintToString(record.warnings);
+    EXPECT_FALSE(replay_file(trace_path()).result.difference);
+  }
 }
 
 }  // namespace

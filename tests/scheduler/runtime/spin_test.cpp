@@ -1,7 +1,6 @@
 // How long a unit stays awake, as its platform and its program say: what is counted for it. No test
 // looks at how long anything took.
-#include "scheduler/runtime/runtime.h"
-#include "tests/scheduler/support.h"
+#include "tests/scheduler/runtime/runtime_support.h"
 
 namespace pirt::test {
 namespace {
@@ -10,15 +9,9 @@ using namespace std::chrono_literals;
 
 /// What a unit with that key has drawn power for beyond what it has computed.
 Nanos awake_for(const std::string& key, Nanos spin) {
-  RuntimeOptions options;
-  options.platform = parse_platform(
-      "p.yaml", "platform: one\nunits: {cpu: {backend: cpu, cores: all, active_w: 1" + key + "}}\n",
-      {}, 1);
-  options.workloads = {
-      OwnWorkload{.name = "nothing",
-                  .inputs = {},
-                  .outputs = {{.name = "out", .element = Element::kF64, .shape = {1}}},
-                  .kernels = {{"cpu", [](std::span<const Tensor>, std::span<Tensor>) {}}}}};
+  const std::string platform =
+      "platform: one\nunits: {cpu: {backend: cpu, cores: all, active_w: 1" + key + "}}\n";
+  auto options = options_with({own("nothing", 0, [](auto, auto) {})}, platform.c_str());
   options.spin = spin;
   Runtime runtime(std::move(options));
   Nanos awake{0};

@@ -1,6 +1,4 @@
 // Whose turn it is in the runtime: one thread at a time, and who waits for it sleeps.
-#include "scheduler/runtime/turn.h"
-
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -8,6 +6,8 @@
 #include <fstream>
 #include <string>
 #include <thread>
+
+#include "scheduler/runtime/bell.h"
 
 namespace pirt::runtime {
 namespace {

@@ -89,7 +89,7 @@ void Script::spend(Nanos time, bool heeds_stop) {
 void Script::hang() {
   ++given_up_;
   world_.note("a call hangs");
-  while (!released_) static_cast<void>(world_.wait(&released_));
+  while (!released_) world_.wait(&released_);
 }
 
 void Script::release_hung() {

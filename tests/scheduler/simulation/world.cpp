@@ -23,7 +23,6 @@ struct SimThread {
   State state = State::kRunnable;
   const void* on = nullptr;
   Nanos until = Nanos::max();
-  bool woken = false;
   std::atomic<std::uint32_t> baton = 0;
   pthread_t handle{};
 
@@ -88,8 +87,6 @@ void World::run(const std::function<void()>& body) {
   running_ = nullptr;
   world_here = nullptr;
 }
-
-std::uint64_t World::thread_number() const { return running_->number; }
 
 void World::draw_next_event() {
   until_event_ = 1 + static_cast<std::int64_t>(random_.below(2 * switch_one_in_ - 1));
@@ -161,21 +158,19 @@ void World::pass_to(SimThread* next, bool waits) {
 }
 
 void World::sleep_until(Nanos until) {
-  if (until > now_) static_cast<void>(wait(nullptr, until));
+  if (until > now_) wait(nullptr, until);
 }
 
-bool World::wait(const void* on, std::optional<Nanos> until) {
+void World::wait(const void* on, std::optional<Nanos> until) {
   SimThread& self = *running_;
   self.state = SimThread::State::kWaits;
   self.on = on;
   self.until = until.value_or(Nanos::max());
-  self.woken = false;
   next_due_ = std::min(next_due_, self.until);
   SimThread* const next = choose();
   if (next != &self) pass_to(next, true);
   self.on = nullptr;
   self.until = Nanos::max();
-  return self.woken;
 }
 
 void World::wake(const void* on, int most) {
@@ -186,7 +181,6 @@ void World::wake(const void* on, int most) {
   for (; most > 0 && !asleep.empty(); --most) {
     const auto at = static_cast<std::ptrdiff_t>(random_.below(asleep.size()));
     asleep[static_cast<std::size_t>(at)]->state = SimThread::State::kRunnable;
-    asleep[static_cast<std::size_t>(at)]->woken = true;
     asleep.erase(asleep.begin() + at);
   }
 }

@@ -38,7 +38,6 @@ class World {
   void run(const std::function<void()>& body);
   /// A hash of all that was decided: the same seed gives the same.
   [[nodiscard]] std::uint64_t trail() const { return trail_; }
-  [[nodiscard]] std::int64_t steps() const { return steps_; }
   /// Is asked what there is to say where something goes wrong.
   void explain_by(std::function<std::string()> explain) { explain_ = std::move(explain); }
   /// Threads that are started from now on are refused so often, after the first @p after.
@@ -53,8 +52,8 @@ class World {
   /// A place where another thread may go on.
   void step();
   void sleep_until(Nanos until);
-  /// Sleeps until woken by that address. False: @p until has come.
-  bool wait(const void* on, std::optional<Nanos> until = {});
+  /// Sleeps until woken by that address, or @p until has come.
+  void wait(const void* on, std::optional<Nanos> until = {});
   /// Those that sleep there, @p most of them, drawn; they go on later.
   void wake(const void* on, int most);
   /// Now and then, by the seed: what may happen at any time, such as waking up for no reason.
@@ -62,7 +61,6 @@ class World {
   /// @throws std::system_error if the world refuses it.
   std::shared_ptr<SimThread> start(std::function<void()> body);
   void join(SimThread& thread);
-  [[nodiscard]] std::uint64_t thread_number() const;
 
   /// What happens, for whoever follows.
   void note(const std::string& what);

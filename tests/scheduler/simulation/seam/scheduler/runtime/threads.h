@@ -62,16 +62,12 @@ class Atomic {
   T fetch_or(T bits, Order order = kInOrder) { return at_step().fetch_or(bits, order); }
   T operator++() { return fetch_add(1) + 1; }
   T operator--() { return fetch_sub(1) - 1; }
-  void wait(T value) const {
-    while (load() == value) sleep_if(value, {});
-  }
-  void notify_one() { simulated::wake(this, 1); }
 
   /// Sleeps if it is that value, with no step between.
   void sleep_if(T value, std::optional<Nanos> until) const {
     auto* const world = simulated::World::here();
     if (value_.load() != value || world == nullptr || now_and_then(32)) return;
-    static_cast<void>(world->wait(this, until));
+    world->wait(this, until);
   }
 
  private:
@@ -94,12 +90,8 @@ class Mutex {
 
   void lock() {
     simulated::step();
-    while (locked_) static_cast<void>(simulated::World::here()->wait(this));
+    while (locked_) simulated::World::here()->wait(this);
     locked_ = true;
-  }
-  [[nodiscard]] bool try_lock() {
-    simulated::step();
-    return !std::exchange(locked_, true);
   }
   void unlock() {
     leave();
@@ -120,7 +112,6 @@ class Condition {
   using Lock = std::unique_lock<Mutex>;
   using Time = std::chrono::steady_clock::time_point;
 
-  void notify_one() { simulated::wake(this, 1); }
   void notify_all() { simulated::wake(this, INT32_MAX); }
   void wait(Lock& lock) { sleep(lock, {}); }
   template <typename Done>
@@ -141,7 +132,7 @@ class Condition {
  private:
   void sleep(Lock& lock, std::optional<Nanos> until) {
     lock.mutex()->leave();
-    if (!now_and_then(32)) static_cast<void>(simulated::World::here()->wait(this, until));
+    if (!now_and_then(32)) simulated::World::here()->wait(this, until);
     lock.mutex()->lock();
   }
 };
