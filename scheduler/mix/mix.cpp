@@ -38,36 +38,11 @@ std::vector<std::string> read_eligible(const YamlNode& node) {
   return names;
 }
 
-/// "undistort.image@-1", with names.
-struct NamedPort {
-  std::size_t input = 0;
-  std::string task, output;
-  bool earlier = false;
-  YamlNode node;
-};
-
-/// A task with the names that it comes after; positions come once all are known.
-struct NamedTask {
+/// A task, and where it stands: what it comes after is read once all names are known.
+struct FileTask {
   MixTask task;
-  std::vector<std::string> after;
-  std::vector<NamedPort> ports;
   YamlNode node;
 };
-
-void read_edge(const YamlNode& node, NamedTask& named) {
-  MixEdge& edge = named.task.edges.emplace_back();
-  if (!node.is_map()) {
-    named.after.push_back(node.text());
-    return;
-  }
-  node.check_keys({"task", "bytes", "transfer_ms"});
-  named.after.push_back(node.at("task").text());
-  if (node.has("transfer_ms")) edge.transfer = node.at("transfer_ms").milliseconds(0);
-  if (node.has("bytes")) {
-    edge.bytes = node.at("bytes").integer(0, kMaxCount);
-    named.task.input_bytes = named.task.input_bytes.value_or(0) + *edge.bytes;
-  }
-}
 
 /// Position of the tensor called @p name. @throws with the nearest name.
 std::size_t find_port(const YamlNode& node, const std::string& workload, const char* kind,
@@ -87,34 +62,6 @@ bool fits(const TensorSpec& made, const TensorSpec& taken) {
   if (!made.varies) return made.shape == taken.shape;
   return std::ranges::equal(std::span(made.shape).subspan(1), std::span(taken.shape).subspan(1)) &&
          made.shape.front() <= taken.shape.front();
-}
-
-void read_ports(const YamlNode& node, NamedTask& named) {
-  constexpr std::string_view kEarlier = "@-1";
-  if (!named.task.service.empty()) {
-    node.fail("a task with service_ms has no tensors; use after: [{task: NAME, bytes: N}]");
-  }
-  const WorkloadSpec workload = find_spec(named.task.workload);
-  for (const auto& name : node.keys()) {
-    const YamlNode value = node.at(name);
-    NamedPort port{.input = find_port(value, workload.name, "input", workload.inputs, name),
-                   .task = value.text(),
-                   .output = {},
-                   .earlier = false,
-                   .node = value};
-    if (port.task.ends_with(kEarlier)) {
-      port.earlier = true;
-      port.task.resize(port.task.size() - kEarlier.size());
-    }
-    const auto dot = port.task.rfind('.');
-    if (dot == std::string::npos || dot == 0 || dot + 1 == port.task.size() ||
-        port.task.find('@', dot) != std::string::npos) {
-      value.fail("'" + value.text() + "' is not of the form TASK.OUTPUT or TASK.OUTPUT@-1");
-    }
-    port.output = port.task.substr(dot + 1);
-    port.task.resize(dot);
-    named.ports.push_back(std::move(port));
-  }
 }
 
 void read_workload(const YamlNode& node, MixTask& task) {
@@ -150,44 +97,37 @@ MixBytes read_bytes(const YamlNode& node, const MixTask& task) {
   return {.in = node.at("in").integer(0, kMaxCount), .out = node.at("out").integer(0, kMaxCount)};
 }
 
-NamedTask read_task(const YamlNode& node, const std::string& pipeline,
-                    const std::vector<std::string>& eligible) {
+MixTask read_task(const YamlNode& node, const std::string& pipeline,
+                  const std::vector<std::string>& eligible) {
   node.check_keys({"name", "workload", "service_ms", "image_input", "inputs", "after", "state",
                    "bytes", "eligible"});
-  NamedTask named{.task = {}, .after = {}, .ports = {}, .node = node};
+  MixTask task;
   if (node.has("workload") == node.has("service_ms")) {
     node.fail(
         "needs one of workload (of the catalog, or a foreign one of a profile) and service_ms "
         "({unit: milliseconds})");
   }
   if (node.has("workload")) {
-    read_workload(node.at("workload"), named.task);
-    named.task.name = named.task.workload;
+    read_workload(node.at("workload"), task);
+    task.name = task.workload;
   }
   if (node.has("name") || node.has("service_ms")) {
-    named.task.name = checked_name(node.at("name"), node.at("name").text());
+    task.name = checked_name(node.at("name"), node.at("name").text());
   }
   if (node.has("service_ms")) {
-    read_service(node.at("service_ms"), named.task);
-    named.task.workload = pipeline + "/" + named.task.name;
+    read_service(node.at("service_ms"), task);
+    task.workload = pipeline + "/" + task.name;
   }
-  if (node.has("bytes")) named.task.bytes = read_bytes(node.at("bytes"), named.task);
-  if (node.has("image_input")) named.task.image_input = node.at("image_input").boolean();
-  named.task.eligible = node.has("eligible") ? read_eligible(node.at("eligible")) : eligible;
-  if (node.has("after")) {
-    for (const auto& edge : node.at("after").items()) read_edge(edge, named);
-  }
-  if (node.has("inputs")) read_ports(node.at("inputs"), named);
-  return named;
+  if (node.has("bytes")) task.bytes = read_bytes(node.at("bytes"), task);
+  if (node.has("image_input")) task.image_input = node.at("image_input").boolean();
+  task.eligible = node.has("eligible") ? read_eligible(node.at("eligible")) : eligible;
+  return task;
 }
-
-/// Predecessors of each task, by position in the file.
-using Edges = std::vector<std::vector<std::size_t>>;
 
 /// Finds tasks by their name.
 class TaskNames {
  public:
-  explicit TaskNames(const std::vector<NamedTask>& tasks) {
+  explicit TaskNames(const std::vector<FileTask>& tasks) {
     for (const auto& each : tasks) {
       if (!positions_.emplace(each.task.name, names_.size()).second) {
         each.node.fail("two tasks are named '" + each.task.name + "'");
@@ -209,78 +149,93 @@ class TaskNames {
   std::map<std::string, std::size_t> positions_;
 };
 
-/// The port with positions, by file order; checked against what the other task makes.
-PortInput resolve_port(const NamedPort& port, const NamedTask& taker,
-                       const std::vector<NamedTask>& tasks, const TaskNames& names) {
-  const std::size_t position = names.find(port.node, port.task);
-  const MixTask& maker = tasks[position].task;
+/// One of @p list, which is `after`.
+void read_edge(const YamlNode& list, const YamlNode& item, const std::vector<FileTask>& tasks,
+               const TaskNames& names, MixTask& task) {
+  MixEdge& edge = task.edges.emplace_back();
+  if (item.is_map()) {
+    item.check_keys({"task", "bytes", "transfer_ms"});
+    if (item.has("transfer_ms")) edge.transfer = item.at("transfer_ms").milliseconds(0);
+    if (item.has("bytes")) {
+      edge.bytes = item.at("bytes").integer(0, kMaxCount);
+      task.input_bytes = task.input_bytes.value_or(0) + *edge.bytes;
+    }
+  }
+  task.after.push_back(names.find(list, (item.is_map() ? item.at("task") : item).text()));
+  // What a foreign task makes goes to a task with service_ms along their edge, unless that says how
+  // much: other calls move it themselves.
+  const auto& made = tasks[task.after.back()].task.bytes;
+  if (!edge.bytes && made && !task.service.empty()) edge.bytes = made->out;
+}
+
+/// "undistort.image@-1", by file order; checked against what that task makes.
+PortInput read_port(const YamlNode& node, const std::string& input, const MixTask& taker,
+                    const std::vector<FileTask>& tasks, const TaskNames& names) {
+  constexpr std::string_view kEarlier = "@-1";
+  const WorkloadSpec workload = find_spec(taker.workload);
+  PortInput port{.input = find_port(node, workload.name, "input", workload.inputs, input)};
+  std::string maker_name = node.text();
+  port.earlier = maker_name.ends_with(kEarlier);
+  if (port.earlier) maker_name.resize(maker_name.size() - kEarlier.size());
+  const auto dot = maker_name.rfind('.');
+  if (dot == std::string::npos || dot == 0 || dot + 1 == maker_name.size() ||
+      maker_name.find('@', dot) != std::string::npos) {
+    node.fail("'" + node.text() + "' is not of the form TASK.OUTPUT or TASK.OUTPUT@-1");
+  }
+  const std::string output = maker_name.substr(dot + 1);
+  maker_name.resize(dot);
+  port.task = names.find(node, maker_name);
+  const MixTask& maker = tasks[port.task].task;
   if (!maker.service.empty()) {
-    port.node.fail("'" + port.task + "' has service_ms and makes no tensors; use after:");
+    node.fail("'" + maker_name + "' has service_ms and makes no tensors; use after:");
   }
   const auto& outputs = find_spec(maker.workload).outputs;
-  const std::size_t output = find_port(port.node, maker.workload, "output", outputs, port.output);
-  const TensorSpec& taken = find_spec(taker.task.workload).inputs[port.input];
-  if (!fits(outputs[output], taken)) {
-    port.node.fail(maker.workload + " makes " + outputs[output].describe() + ", but " +
-                   taker.task.workload + " takes " + taken.describe());
+  port.output = find_port(node, maker.workload, "output", outputs, output);
+  const TensorSpec& made = outputs[port.output];
+  const TensorSpec& taken = workload.inputs[port.input];
+  if (!fits(made, taken)) {
+    node.fail(maker.workload + " makes " + made.describe() + ", but " + taker.workload + " takes " +
+              taken.describe());
   }
-  return {.input = port.input, .task = position, .output = output, .earlier = port.earlier};
+  return port;
 }
 
 /// What comes in by ports of one firing is an edge whose bytes follow from them.
-void add_port_edge(const PortInput& port, const std::vector<NamedTask>& tasks, NamedTask& taker,
-                   std::vector<std::size_t>& after) {
-  const auto known = std::ranges::find(after, port.task);
-  const auto position = static_cast<std::size_t>(known - after.begin());
-  if (known == after.end()) {
-    after.push_back(port.task);
-    taker.task.edges.emplace_back();
+void add_port_edge(const YamlNode& node, const PortInput& port, const MixTask& maker,
+                   MixTask& taker) {
+  const auto known = std::ranges::find(taker.after, port.task);
+  const auto position = static_cast<std::size_t>(known - taker.after.begin());
+  if (known == taker.after.end()) {
+    taker.after.push_back(port.task);
+    taker.edges.emplace_back();
   }
-  MixEdge& edge = taker.task.edges[position];
+  MixEdge& edge = taker.edges[position];
   if (edge.bytes && !edge.by_port) {
-    taker.node.at("after").fail("the bytes from '" + tasks[port.task].task.name +
-                                "' follow from `inputs`; leave them out");
+    node.at("after").fail("the bytes from '" + maker.name +
+                          "' follow from `inputs`; leave them out");
   }
   edge.by_port = true;
-  edge.bytes = edge.bytes.value_or(0) +
-               find_spec(tasks[port.task].task.workload).outputs[port.output].size_bytes();
+  edge.bytes = edge.bytes.value_or(0) + find_spec(maker.workload).outputs[port.output].size_bytes();
 }
 
-/// What a foreign task makes goes to a task with service_ms along their edge, unless that says how
-/// much: other calls move it themselves.
-void add_foreign_bytes(const std::vector<NamedTask>& tasks, const std::vector<std::size_t>& after,
-                       MixTask& taker) {
-  for (std::size_t i = 0; i < after.size() && !taker.service.empty(); ++i) {
-    const MixTask& maker = tasks[after[i]].task;
-    if (!taker.edges[i].bytes && maker.bytes) taker.edges[i].bytes = maker.bytes->out;
-  }
-}
-
-Edges resolve_edges(std::vector<NamedTask>& tasks, const TaskNames& names) {
-  Edges edges(tasks.size());
-  for (std::size_t i = 0; i < tasks.size(); ++i) {
-    for (const auto& name : tasks[i].after) {
-      edges[i].push_back(names.find(tasks[i].node.at("after"), name));
+/// What each comes after, by file order: `after`, and `inputs` of the same firing.
+void read_edges(std::vector<FileTask>& tasks, const TaskNames& names) {
+  for (auto& [task, node] : tasks) {
+    if (node.has("after")) {
+      const YamlNode after = node.at("after");
+      for (const auto& item : after.items()) read_edge(after, item, tasks, names, task);
     }
-    add_foreign_bytes(tasks, edges[i], tasks[i].task);
-    for (const NamedPort& named : tasks[i].ports) {
-      const PortInput port = resolve_port(named, tasks[i], tasks, names);
-      tasks[i].task.inputs.push_back(port);
-      if (!port.earlier) add_port_edge(port, tasks, tasks[i], edges[i]);
+    if (!node.has("inputs")) continue;
+    const YamlNode inputs = node.at("inputs");
+    if (!task.service.empty()) {
+      inputs.fail("a task with service_ms has no tensors; use after: [{task: NAME, bytes: N}]");
+    }
+    for (const auto& input : inputs.keys()) {
+      const PortInput port = read_port(inputs.at(input), input, task, tasks, names);
+      task.inputs.push_back(port);
+      if (!port.earlier) add_port_edge(node, port, tasks[port.task].task, task);
     }
   }
-  return edges;
-}
-
-/// A loop that leads through an earlier firing has no first one: nothing in it could ever start.
-void check_starts(const YamlNode& node, const std::vector<NamedTask>& tasks, Edges edges,
-                  const std::vector<std::string>& names) {
-  for (std::size_t i = 0; i < tasks.size(); ++i) {
-    for (const PortInput& port : tasks[i].task.inputs) edges[i].push_back(port.task);
-  }
-  const auto [order, cycle] = dependency_order(edges);
-  if (cycle.empty()) return;
-  node.fail(cycle_text(cycle, names) + ", through @-1: no firing could be the first");
 }
 
 /// Who makes something for others knows it.
@@ -296,18 +251,27 @@ void note_makers(std::vector<MixTask>& tasks) {
 }
 
 /// Predecessors first, otherwise in file order.
-std::vector<MixTask> sorted_tasks(const YamlNode& node, std::vector<NamedTask> tasks) {
+std::vector<MixTask> sorted_tasks(const YamlNode& node, std::vector<FileTask> tasks) {
   const TaskNames names(tasks);
-  const Edges edges = resolve_edges(tasks, names);
+  read_edges(tasks, names);
+  std::vector<std::vector<std::size_t>> edges;
+  for (const auto& each : tasks) edges.push_back(each.task.after);
   const auto [order, cycle] = dependency_order(edges);
   if (!cycle.empty()) node.fail(cycle_text(cycle, names.all()));
-  check_starts(node, tasks, edges, names.all());
+  // A loop that leads through an earlier firing has no first one: nothing in it could ever start.
+  for (std::size_t i = 0; i < tasks.size(); ++i) {
+    for (const PortInput& port : tasks[i].task.inputs) edges[i].push_back(port.task);
+  }
+  const auto loop = dependency_order(edges).cycle;
+  if (!loop.empty()) {
+    node.fail(cycle_text(loop, names.all()) + ", through @-1: no firing could be the first");
+  }
   std::vector<std::size_t> new_position(tasks.size());
   for (std::size_t i = 0; i < order.size(); ++i) new_position[order[i]] = i;
   std::vector<MixTask> sorted;
   for (const std::size_t each : order) {
     MixTask& task = sorted.emplace_back(std::move(tasks[each].task));
-    for (const std::size_t before : edges[each]) task.after.push_back(new_position[before]);
+    for (std::size_t& before : task.after) before = new_position[before];
     for (PortInput& port : task.inputs) port.task = new_position[port.task];
   }
   note_makers(sorted);
@@ -382,9 +346,9 @@ Pipeline read_pipeline(const YamlNode& node, const std::string& name, Mix& mix) 
   if (node.has("real_time")) pipeline.real_time = node.at("real_time").boolean();
   const auto eligible =
       node.has("eligible") ? read_eligible(node.at("eligible")) : std::vector<std::string>{};
-  std::vector<NamedTask> tasks;
+  std::vector<FileTask> tasks;
   for (const auto& item : node.at("tasks").items()) {
-    tasks.push_back(read_task(item, name, eligible));
+    tasks.push_back({read_task(item, name, eligible), item});
     resolve_state(item, name, tasks.back().task, mix);
   }
   if (tasks.empty()) node.at("tasks").fail("must list at least one task");

@@ -1,220 +1,163 @@
-// One list of fields a record, walked by the writer and the reader alike, so that the two cannot
-// drift apart.
 #include "scheduler/record/run_record.h"
 
 #include <algorithm>
-#include <concepts>
-#include <type_traits>
 
+#include "scheduler/record/fields.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
+
+template <typename Fields, Of<UnitResult> Unit>
+void walk(Fields& fields, Unit& unit) {
+  fields.field("role", unit.role);
+  fields.field("backend", unit.backend);
+  fields.field("device", unit.device);
+  fields.field("device_is_cpu", unit.device_is_cpu);
+  fields.field("own_clock", unit.own_clock);
+  fields.field("round_trip_ms", unit.round_trip_ms);
+  fields.field("link_mbit_s", unit.link_mbit_s);
+  fields.field("late_replies", unit.late_replies);
+  fields.field("provenance", unit.provenance);
+  fields.field("energy_provenance", unit.energy_provenance);
+  fields.field("mixture", unit.mixture);
+  fields.field("energy_mixture", unit.energy_mixture);
+  fields.field("prepares", unit.prepares);
+  fields.field("prepare_s", unit.prepare_s);
+  fields.field("completed", unit.completed);
+  fields.field("mean_latency_ms", unit.mean_latency_ms);
+  fields.field("p99_latency_ms", unit.p99_latency_ms);
+  fields.field("busy_s", unit.busy_s);
+  fields.field("utilization", unit.utilization);
+  fields.field("energy_j", unit.energy_j);
+}
+
+template <typename Fields, Of<PipelineResult> Pipeline>
+void walk(Fields& fields, Pipeline& pipeline) {
+  fields.field("fired", pipeline.fired);
+  fields.field("completed", pipeline.completed);
+  fields.field("dropped", pipeline.dropped);
+  fields.field("unfinished", pipeline.unfinished);
+  fields.field("never_ran", pipeline.never_ran);
+  fields.field("no_predecessor", pipeline.no_predecessor);
+  fields.field("queued", pipeline.queued);
+  fields.field("real_time", pipeline.real_time);
+  fields.field("rate_hz", pipeline.rate_hz);
+  fields.field("p50_ms", pipeline.p50_ms);
+  fields.field("p95_ms", pipeline.p95_ms);
+  fields.field("p99_ms", pipeline.p99_ms);
+  fields.field("deadline_ms", pipeline.deadline_ms);
+  fields.field("deadline_misses", pipeline.deadline_misses);
+  fields.field("response_bound_ms", pipeline.response_bound_ms);
+  fields.field("guaranteed", pipeline.guaranteed);
+  fields.field("not_analysed", pipeline.not_analysed);
+}
+
+template <typename Fields, Of<DoubtedFigure> Figure>
+void walk(Fields& fields, Figure& figure) {
+  fields.field("workload", figure.workload);
+  fields.field("unit", figure.unit);
+  fields.field("doubts", figure.doubts);
+  fields.field("low", figure.low);
+  fields.field("high", figure.high);
+  fields.field("taken", figure.taken);
+  fields.field("wild", figure.wild);
+}
+
+template <typename Fields, Of<CallResult> Call>
+void walk(Fields& fields, Call& call) {
+  fields.field("workload", call.workload);
+  fields.field("unit", call.unit);
+  fields.field("completed", call.completed);
+  fields.field("p50_ms", call.p50_ms);
+  fields.field("p95_ms", call.p95_ms);
+  fields.field("upload_ms", call.upload_ms);
+  fields.field("launch_ms", call.launch_ms);
+  fields.field("execute_ms", call.execute_ms);
+  fields.field("download_ms", call.download_ms);
+}
+
+template <typename Fields, Of<PlanRow> Planned>
+void walk(Fields& fields, Planned& planned) {
+  fields.field("pipeline", planned.pipeline);
+  fields.field("task", planned.task);
+  fields.field("unit", planned.unit);
+  fields.field("start_ms", planned.start_ms);
+  fields.field("finish_ms", planned.finish_ms);
+}
+
+template <typename Fields, Of<TriedPlan> Tried>
+void walk(Fields& fields, Tried& tried) {
+  fields.field("plan", tried.name);
+  fields.field("late", tried.late);
+  fields.field("rate_per_ms", tried.rate_per_ms);
+  fields.field("latency_ms", tried.latency_ms);
+  fields.field("energy_mj", tried.energy_mj);
+  fields.field("taken", tried.taken);
+}
+
+template <typename Fields, Of<RunBounds> Bounds>
+void walk(Fields& fields, Bounds& bounds) {
+  fields.field("throughput_per_ms", bounds.throughput_per_ms);
+  fields.field("energy_j", bounds.energy_j);
+  fields.field("makespan_s", bounds.makespan_s);
+  fields.field("critical_path_ms", bounds.critical_path_ms);
+}
+
+template <typename Fields, Of<RunRecord> Record>
+void walk(Fields& fields, Record& record) {
+  fields.field("mode", record.mode);
+  fields.field("basic", record.basic);
+  fields.field("overflow", record.overflow);
+  fields.field("platform", record.platform);
+  fields.field("assumptions", record.assumptions);
+  fields.field("profile", record.profile);
+  fields.field("draw", record.draw);
+  fields.field("mix", record.mix);
+  fields.field("time", record.time);
+  fields.field("set_up_s", record.set_up_s);
+  fields.field("first_call_ms", record.first_call_ms);
+  fields.field("seed", record.seed);
+  fields.field("duration_s", record.duration_s);
+  fields.field("in_flight", record.in_flight);
+  fields.field("objective", record.objective);
+  fields.field("min_rate_per_ms", record.min_rate_per_ms);
+  fields.field("power_cap_w", record.power_cap_w);
+  fields.field("over_cap", record.over_cap);
+  fields.field("power_highest_w", record.power_highest_w);
+  fields.field("slices_left", record.suspensions);
+  fields.field("planned_makespan_s", record.planned_makespan_s);
+  fields.field("makespan_s", record.makespan_s);
+  fields.field("drain_s", record.drain_s);
+  fields.field("submitted", record.submitted);
+  fields.field("completed", record.completed);
+  fields.field("dropped", record.dropped);
+  fields.field("expired", record.expired);
+  fields.field("failed", record.failed);
+  fields.field("queued", record.queued);
+  fields.field("no_predecessor", record.no_predecessor);
+  fields.field("returned", record.returned);
+  fields.field("stalled", record.stalled);
+  fields.field("offloaded", record.offloaded);
+  fields.field("throughput_per_ms", record.throughput_per_ms);
+  fields.field("mean_latency_ms", record.mean_latency_ms);
+  fields.field("p99_latency_ms", record.p99_latency_ms);
+  fields.field("energy_j", record.energy_j);
+  fields.field("average_power_w", record.average_power_w);
+  fields.field("weights", record.weights);
+  fields.field("weights_from", record.weights_from);
+  fields.field("figures", record.figures);
+  fields.field("warnings", record.warnings);
+  fields.by_name("units", record.units, &UnitResult::unit);
+  fields.by_name("pipelines", record.pipelines, &PipelineResult::pipeline);
+  fields.list("calls", record.calls);
+  fields.list("doubted", record.doubted);
+  fields.list("plan", record.plan);
+  fields.list("tried", record.tried);
+  fields.field("bounds", record.bounds);
+}
+
 namespace {
-
-class Writer {
- public:
-  template <typename T>
-  void field(const char* key, const T& value) {
-    if constexpr (requires { value.has_value(); }) {
-      if (value) json[key] = *value;
-    } else {
-      json[key] = value;
-    }
-  }
-  Json json = Json::object();
-};
-
-class Reader {
- public:
-  explicit Reader(const Json& json) : json_(json) {}
-  template <typename T>
-  void field(const char* key, T& value) {
-    if constexpr (requires { value.has_value(); }) {
-      if (json_.contains(key)) value = json_.at(key).get<typename T::value_type>();
-    } else {
-      value = json_.at(key).get<T>();
-    }
-  }
-
- private:
-  const Json& json_;
-};
-
-/// It, or a constant one: what is read into, and written from.
-template <typename Given, typename Record>
-concept Of = std::same_as<std::remove_const_t<Given>, Record>;
-
-template <typename Visitor, Of<UnitResult> Unit>
-void visit(Visitor& visitor, Unit& unit) {
-  visitor.field("role", unit.role);
-  visitor.field("backend", unit.backend);
-  visitor.field("device", unit.device);
-  visitor.field("device_is_cpu", unit.device_is_cpu);
-  visitor.field("own_clock", unit.own_clock);
-  visitor.field("round_trip_ms", unit.round_trip_ms);
-  visitor.field("link_mbit_s", unit.link_mbit_s);
-  visitor.field("late_replies", unit.late_replies);
-  visitor.field("provenance", unit.provenance);
-  visitor.field("energy_provenance", unit.energy_provenance);
-  visitor.field("mixture", unit.mixture);
-  visitor.field("energy_mixture", unit.energy_mixture);
-  visitor.field("prepares", unit.prepares);
-  visitor.field("prepare_s", unit.prepare_s);
-  visitor.field("completed", unit.completed);
-  visitor.field("mean_latency_ms", unit.mean_latency_ms);
-  visitor.field("p99_latency_ms", unit.p99_latency_ms);
-  visitor.field("busy_s", unit.busy_s);
-  visitor.field("utilization", unit.utilization);
-  visitor.field("energy_j", unit.energy_j);
-}
-
-template <typename Visitor, Of<PipelineResult> Pipeline>
-void visit(Visitor& visitor, Pipeline& pipeline) {
-  visitor.field("fired", pipeline.fired);
-  visitor.field("completed", pipeline.completed);
-  visitor.field("dropped", pipeline.dropped);
-  visitor.field("unfinished", pipeline.unfinished);
-  visitor.field("never_ran", pipeline.never_ran);
-  visitor.field("no_predecessor", pipeline.no_predecessor);
-  visitor.field("queued", pipeline.queued);
-  visitor.field("real_time", pipeline.real_time);
-  visitor.field("rate_hz", pipeline.rate_hz);
-  visitor.field("p50_ms", pipeline.p50_ms);
-  visitor.field("p95_ms", pipeline.p95_ms);
-  visitor.field("p99_ms", pipeline.p99_ms);
-  visitor.field("deadline_ms", pipeline.deadline_ms);
-  visitor.field("deadline_misses", pipeline.deadline_misses);
-  visitor.field("response_bound_ms", pipeline.response_bound_ms);
-  visitor.field("guaranteed", pipeline.guaranteed);
-  visitor.field("not_analysed", pipeline.not_analysed);
-}
-
-template <typename Visitor, Of<DoubtedFigure> Figure>
-void visit(Visitor& visitor, Figure& figure) {
-  visitor.field("workload", figure.workload);
-  visitor.field("unit", figure.unit);
-  visitor.field("doubts", figure.doubts);
-  visitor.field("low", figure.low);
-  visitor.field("high", figure.high);
-  visitor.field("taken", figure.taken);
-  visitor.field("wild", figure.wild);
-}
-
-template <typename Visitor, Of<CallResult> Call>
-void visit(Visitor& visitor, Call& call) {
-  visitor.field("workload", call.workload);
-  visitor.field("unit", call.unit);
-  visitor.field("completed", call.completed);
-  visitor.field("p50_ms", call.p50_ms);
-  visitor.field("p95_ms", call.p95_ms);
-  visitor.field("upload_ms", call.upload_ms);
-  visitor.field("launch_ms", call.launch_ms);
-  visitor.field("execute_ms", call.execute_ms);
-  visitor.field("download_ms", call.download_ms);
-}
-
-template <typename Visitor, Of<PlanRow> Planned>
-void visit(Visitor& visitor, Planned& planned) {
-  visitor.field("pipeline", planned.pipeline);
-  visitor.field("task", planned.task);
-  visitor.field("unit", planned.unit);
-  visitor.field("start_ms", planned.start_ms);
-  visitor.field("finish_ms", planned.finish_ms);
-}
-
-template <typename Visitor, Of<TriedPlan> Tried>
-void visit(Visitor& visitor, Tried& tried) {
-  visitor.field("plan", tried.name);
-  visitor.field("late", tried.late);
-  visitor.field("rate_per_ms", tried.rate_per_ms);
-  visitor.field("latency_ms", tried.latency_ms);
-  visitor.field("energy_mj", tried.energy_mj);
-  visitor.field("taken", tried.taken);
-}
-
-template <typename Visitor, Of<RunBounds> Bounds>
-void visit(Visitor& visitor, Bounds& bounds) {
-  visitor.field("throughput_per_ms", bounds.throughput_per_ms);
-  visitor.field("energy_j", bounds.energy_j);
-  visitor.field("makespan_s", bounds.makespan_s);
-  visitor.field("critical_path_ms", bounds.critical_path_ms);
-}
-
-template <typename Visitor, Of<RunRecord> Record>
-void visit(Visitor& visitor, Record& record) {
-  visitor.field("mode", record.mode);
-  visitor.field("basic", record.basic);
-  visitor.field("overflow", record.overflow);
-  visitor.field("platform", record.platform);
-  visitor.field("assumptions", record.assumptions);
-  visitor.field("profile", record.profile);
-  visitor.field("draw", record.draw);
-  visitor.field("mix", record.mix);
-  visitor.field("time", record.time);
-  visitor.field("set_up_s", record.set_up_s);
-  visitor.field("first_call_ms", record.first_call_ms);
-  visitor.field("seed", record.seed);
-  visitor.field("duration_s", record.duration_s);
-  visitor.field("in_flight", record.in_flight);
-  visitor.field("objective", record.objective);
-  visitor.field("min_rate_per_ms", record.min_rate_per_ms);
-  visitor.field("power_cap_w", record.power_cap_w);
-  visitor.field("over_cap", record.over_cap);
-  visitor.field("power_highest_w", record.power_highest_w);
-  visitor.field("slices_left", record.suspensions);
-  visitor.field("planned_makespan_s", record.planned_makespan_s);
-  visitor.field("makespan_s", record.makespan_s);
-  visitor.field("drain_s", record.drain_s);
-  visitor.field("submitted", record.submitted);
-  visitor.field("completed", record.completed);
-  visitor.field("dropped", record.dropped);
-  visitor.field("expired", record.expired);
-  visitor.field("failed", record.failed);
-  visitor.field("queued", record.queued);
-  visitor.field("no_predecessor", record.no_predecessor);
-  visitor.field("returned", record.returned);
-  visitor.field("stalled", record.stalled);
-  visitor.field("offloaded", record.offloaded);
-  visitor.field("throughput_per_ms", record.throughput_per_ms);
-  visitor.field("mean_latency_ms", record.mean_latency_ms);
-  visitor.field("p99_latency_ms", record.p99_latency_ms);
-  visitor.field("energy_j", record.energy_j);
-  visitor.field("average_power_w", record.average_power_w);
-  visitor.field("weights", record.weights);
-  visitor.field("weights_from", record.weights_from);
-  visitor.field("figures", record.figures);
-  visitor.field("warnings", record.warnings);
-}
-
-template <typename Record>
-Json json_of(const Record& record) {
-  Writer writer;
-  visit(writer, record);
-  return std::move(writer.json);
-}
-
-template <typename Record>
-void read(const Json& json, Record& record) {
-  Reader reader(json);
-  visit(reader, record);
-}
-
-/// Lists that may be absent: an empty one is not written.
-template <typename Element>
-void write_list(Writer& writer, const char* key, const std::vector<Element>& list) {
-  if (list.empty()) return;
-  Json values = Json::array();
-  for (const auto& element : list) values.push_back(json_of(element));
-  writer.field(key, values);
-}
-
-template <typename Element>
-void read_list(const Json& json, const char* key, std::vector<Element>& list) {
-  if (!json.contains(key)) return;
-  for (const auto& value : json.at(key)) read(value, list.emplace_back());
-}
 
 void check_version(const Json& json, const std::string& source) {
   const bool has_version = json.is_object() && json.contains("schema_version") &&
@@ -247,59 +190,35 @@ const PipelineResult* RunRecord::find_pipeline(const std::string& name) const {
 }
 
 Json to_json(const RunRecord& record) {
-  Writer writer;
-  writer.field("schema_version", RunRecord::kSchemaVersion);
-  visit(writer, record);
-  Json units = Json::object();
-  for (const auto& unit : record.units) units[unit.unit] = json_of(unit);
-  Json pipelines = Json::object();
-  for (const auto& pipeline : record.pipelines) pipelines[pipeline.pipeline] = json_of(pipeline);
-  writer.field("units", units);
-  writer.field("pipelines", pipelines);
-  write_list(writer, "calls", record.calls);
-  write_list(writer, "doubted", record.doubted);
-  write_list(writer, "plan", record.plan);
-  write_list(writer, "tried", record.tried);
+  RecordWriter fields;
+  fields.field("schema_version", RunRecord::kSchemaVersion);
+  walk(fields, record);
+  Json& json = fields.json;
   if (record.bounds) {
-    writer.field("bounds", json_of(*record.bounds));
-    Writer gaps;  // derived: not read back
-    gaps.field("throughput", gap(record.throughput_per_ms, record.bounds->throughput_per_ms));
-    gaps.field("energy", gap(record.energy_j, record.bounds->energy_j));
-    gaps.field("makespan", gap(record.makespan_s, record.bounds->makespan_s));
-    writer.field("gaps", gaps.json);
+    Json& gaps = json["gaps"] = Json::object();  // derived: not read back
+    gaps.put("throughput", gap(record.throughput_per_ms, record.bounds->throughput_per_ms));
+    gaps.put("energy", gap(record.energy_j, record.bounds->energy_j));
+    gaps.put("makespan", gap(record.makespan_s, record.bounds->makespan_s));
   }
   for (const auto& [figure, interval] : record.intervals) {
-    writer.json["intervals"][figure] = {interval.low, interval.high};
+    json["intervals"][figure] = {interval.low, interval.high};
   }
-  return std::move(writer.json);
+  return std::move(json);
 }
 
 RunRecord run_record_from_json(const Json& json, const std::string& source) {
   check_version(json, source);
   try {
     RunRecord record;
-    read(json, record);
+    RecordReader::read(json, record);
     if (record.time != "virtual" && !record.is_live()) {
       throw_bad_input(source + ": time '" + record.time + "'; a run is in virtual time or live");
     }
-    for (const auto& [name, value] : json.at("units").items()) {
-      read(value, record.units.emplace_back());
-      record.units.back().unit = name;
-    }
-    for (const auto& [name, value] : json.at("pipelines").items()) {
-      read(value, record.pipelines.emplace_back());
-      record.pipelines.back().pipeline = name;
-    }
-    read_list(json, "calls", record.calls);
-    read_list(json, "doubted", record.doubted);
-    read_list(json, "plan", record.plan);
-    read_list(json, "tried", record.tried);
     if (json.contains("intervals")) {
       for (const auto& [figure, ends] : json.at("intervals").items()) {
         record.intervals[figure] = {ends.at(0).get<double>(), ends.at(1).get<double>()};
       }
     }
-    if (json.contains("bounds")) read(json.at("bounds"), record.bounds.emplace());
     return record;
   } catch (const JsonError& error) {
     throw_bad_input(source + ": not a complete result of a run: " + error.reason() +

@@ -126,7 +126,7 @@ struct FigureInterval {
 /// What mode budget might have followed, as it ran in virtual time before.
 struct TriedPlan {
   std::string name;
-  std::int64_t late = 0;  ///< Firings of real-time pipelines, dropped ones too.
+  std::int64_t late = 0;  ///< Of real-time firings: dropped and queued ones too.
   double rate_per_ms = 0, latency_ms = 0, energy_mj = 0;  ///< Of a task, but for the rate.
   bool taken = false;
   friend bool operator==(const TriedPlan&, const TriedPlan&) = default;

@@ -9,7 +9,6 @@
 #include <string_view>
 #include <utility>
 
-#include "scheduler/trace/budget_json.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 
@@ -64,7 +63,16 @@ Json costs_json(const CostTable& costs) {
   return rows;
 }
 
-CallCost cost_from_json(const Json& json) {
+/// What @p read makes of each element.
+template <typename Read>
+auto list_of(const Json& json, const Read& read) {
+  std::vector<decltype(read(json))> list;
+  for (const Json& each : json) list.push_back(read(each));
+  return list;
+}
+
+std::optional<CallCost> cost_from_json(const Json& json) {
+  if (json.is_null()) return std::nullopt;
   CallCost cost{.total = time_from_json(json.at(0)),
                 .occupied = time_from_json(json.at(1)),
                 .energy_j = std::nullopt};
@@ -75,14 +83,10 @@ CallCost cost_from_json(const Json& json) {
   return cost;
 }
 
-std::vector<Role> roles_from_json(const Json& json) {
-  std::vector<Role> roles;
-  for (const auto& each : json) {
-    const auto role = role_from_string(each.get<std::string>());
-    if (!role) throw_bad_input(json_text(each) + " is no role");
-    roles.push_back(*role);
-  }
-  return roles;
+Role known_role(const Json& json) {
+  const auto role = role_from_string(json.get<std::string>());
+  if (!role) throw_bad_input(json_text(json) + " is no role");
+  return *role;
 }
 
 Json plan_json(const MixPlan& plan) {
@@ -115,32 +119,28 @@ Json policy_json(const PolicySetup& setup) {
           {"seed", seed}};
 }
 
+MixPlan::Entry plan_entry_from_json(const Json& json) {
+  return {whole<UnitId>(json.at(0)), time_from_json(json.at(1)), time_from_json(json.at(2)),
+          json.at(3).is_null() ? std::nullopt : std::optional(whole<std::uint32_t>(json.at(3)))};
+}
+
 const PolicyInfo* basic_policy_from_json(const Json& json) {
   return json.is_null() ? nullptr : &find_basic_policy(json.get<std::string>());
 }
 
 PolicySetup policy_from_json(const Json& json) {
   PolicySetup setup;
-  setup.roles = roles_from_json(json.at("roles"));
+  setup.roles = list_of(json.at("roles"), known_role);
   setup.servers = json.at("servers").get<std::vector<int>>();
-  for (const auto& workload : json.at("costs")) {
-    auto& row = setup.costs.emplace_back();
-    for (const auto& cost : workload) {
-      row.push_back(cost.is_null() ? std::nullopt : std::optional(cost_from_json(cost)));
-    }
-  }
-  for (const auto& entry : json.at("plan").at("entries")) {
-    setup.plan.entries.push_back({whole<UnitId>(entry.at(0)), time_from_json(entry.at(1)),
-                                  time_from_json(entry.at(2)), std::nullopt});
-    if (!entry.at(3).is_null()) {
-      setup.plan.entries.back().previous = whole<std::uint32_t>(entry.at(3));
-    }
-  }
+  setup.costs = list_of(json.at("costs"),
+                        [](const Json& workload) { return list_of(workload, cost_from_json); });
+  setup.plan.entries = list_of(json.at("plan").at("entries"), plan_entry_from_json);
   setup.plan.makespan = time_from_json(json.at("plan").at("makespan_ns"));
-  setup.budget = budget_plan_from_json(json.at("budget"), setup.roles.size());
-  for (const Json& each : json.at("budget_without")) {
-    setup.budget_without.push_back(budget_plan_from_json(each, setup.roles.size()));
-  }
+  const auto plan_from_json = [units = setup.roles.size()](const Json& plan) {
+    return budget_plan_from_json(plan, units);
+  };
+  setup.budget = plan_from_json(json.at("budget"));
+  setup.budget_without = list_of(json.at("budget_without"), plan_from_json);
   setup.weights = json.at("weights").get<WeightTable>();
   setup.literal_overflow = json.at("literal_overflow").get<bool>();
   setup.follows = basic_policy_from_json(json.value("follows", Json()));
@@ -278,9 +278,9 @@ DispatcherSetup dispatcher_setup_from_json(const Json& json) {
   DispatcherSetup setup;
   setup.mode = &find_policy(json.at("mode").get<std::string>());
   setup.units = json.at("units").get<std::vector<std::string>>();
-  for (const auto& each : json.at("slots")) {
-    setup.slots.push_back(each.is_null() ? std::nullopt : std::optional(whole<int>(each)));
-  }
+  setup.slots = list_of(json.at("slots"), [](const Json& each) {
+    return each.is_null() ? std::nullopt : std::optional(whole<int>(each));
+  });
   setup.policy = policy_from_json(json.at("policy"));
   check_sizes(setup);
   return setup;
@@ -316,13 +316,10 @@ std::string log_line(const DispatcherInput& input, const Answer& answer) {
 
 namespace {
 
-/// What @p read makes of each element; none where there is no such key.
+/// None where there is no such key.
 template <typename Read>
 auto list_from_json(const Json& json, const char* key, const Read& read) {
-  std::vector<decltype(read(json))> list;
-  if (!json.contains(key)) return list;
-  for (const Json& each : json.at(key)) list.push_back(read(each));
-  return list;
+  return json.contains(key) ? list_of(json.at(key), read) : decltype(list_of(json, read))();
 }
 
 void add_task_from_json(const Json& json, LogEntry& entry) {

@@ -22,6 +22,12 @@ struct DispatcherSetup {
 };
 
 [[nodiscard]] Json to_json(const DispatcherSetup& setup);
+/// Null for an empty plan.
+[[nodiscard]] Json to_json(const BudgetPlan& plan);
+/// The same back.
+/// @throws JsonError for a missing key or a wrong type, Error{kBadInput} for what fits no platform
+/// of @p units units.
+[[nodiscard]] BudgetPlan budget_plan_from_json(const Json& json, std::size_t units);
 
 /// What is wrong with a trace that lacks something, and what to do.
 [[nodiscard]] std::string not_a_trace(const std::string& source, const JsonError& error);

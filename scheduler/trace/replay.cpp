@@ -4,10 +4,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <tuple>
-#include <utility>
 
-#include "scheduler/trace/trace_reader.h"
+#include "scheduler/trace/trace_document.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
 
@@ -24,51 +24,38 @@ bool same(const Effects& a, const Effects& b) {
          a.resumed == b.resumed && std::ranges::equal(a.started, b.started, {}, logged, logged);
 }
 
-std::string_view verb(TaskEnd how) {
-  switch (how) {
-    case TaskEnd::kExpired:
-      return "expires";
-    case TaskEnd::kNoPredecessor:
-      return "drops, for want of an earlier firing's data,";
-    case TaskEnd::kFailed:
-      return "fails";
-    default:
-      return "drops";
-  }
-}
+/// By TaskEnd. What completes does so by its unit's word, and does not stand among ends.
+constexpr std::array<std::string_view, kTaskEnds.size()> kVerbs = {
+    "drops", "fails", "drops", "expires", "drops", "drops, for want of an earlier firing's data,"};
 
 class Replay {
  public:
-  Replay(const DispatcherSetup& setup, const std::string& source)
-      : setup_(setup), source_(source), dispatcher_(setup.slots, setup.mode->make(setup.policy)) {}
+  explicit Replay(const DispatcherSetup& setup)
+      : setup_(setup), dispatcher_(setup.slots, setup.mode->make(setup.policy)) {}
 
-  /// @param next  std::optional<LogEntry>(): absent after the last.
-  template <typename Next>
-  ReplayResult run(const Next& next) {
-    ReplayResult result;
-    for (position_ = 0; const auto given = next(); ++position_) {
-      const LogEntry& entry = *given;
-      check(entry);
-      Effects out;
-      const bool taken = give(entry, out);
-      ++result.inputs;
-      if (taken != entry.taken || !same(entry.effects, out)) {
-        result.difference = {.entry = position_,
-                             .at = entry.input.now,
-                             .input = describe(entry),
-                             .recorded = describe(entry.taken, entry.effects),
-                             .replayed = describe(taken, out)};
-        return result;
-      }
-      result.decisions += static_cast<std::int64_t>(out.started.size() + out.ended.size());
+  /// @return  Whether all has been the same so far.
+  bool take(const LogEntry& entry) {
+    check(entry);
+    Effects out;
+    const bool taken = give(entry, out);
+    const auto position = static_cast<std::size_t>(result_.inputs++);
+    if (taken == entry.taken && same(entry.effects, out)) {
+      result_.decisions += static_cast<std::int64_t>(out.started.size() + out.ended.size());
+      return true;
     }
-    return result;
+    result_.difference = {.entry = position,
+                          .at = entry.input.now,
+                          .input = describe(entry),
+                          .recorded = describe(entry.taken, entry.effects),
+                          .replayed = describe(taken, out)};
+    return false;
   }
+  [[nodiscard]] const ReplayResult& result() const { return result_; }
 
  private:
   void require(bool condition, const std::string& what) const {
     if (condition) return;
-    throw_bad_input(fmt::format("{}: input {} of the log: {}", source_, position_ + 1, what));
+    throw_bad_input(fmt::format("input {} of the log: {}", result_.inputs + 1, what));
   }
 
   /// What the dispatcher cannot know: the tables of the policy.
@@ -162,24 +149,27 @@ class Replay {
       parts.push_back(fmt::format("goes on with task {} on {}", each.task, unit_name(each.unit)));
     }
     for (const Ended& each : effects.ended) {
-      parts.push_back(fmt::format("{} task {}", verb(each.how), each.task));
+      parts.push_back(
+          fmt::format("{} task {}", kVerbs[static_cast<std::size_t>(each.how)], each.task));
     }
     return parts.empty() ? "nothing" : join(parts, ", ");
   }
 
   const DispatcherSetup& setup_;
-  const std::string& source_;
   Dispatcher dispatcher_;
-  std::size_t position_ = 0;
+  ReplayResult result_;
   Nanos now_ = Nanos::min();
 };
 
 }  // namespace
 
 FileReplay replay_file(const std::filesystem::path& path) {
-  TraceReader reader(path);
-  auto result = Replay(reader.setup(), path.string()).run([&] { return reader.next(); });
-  return {reader.setup().mode, reader.size(), std::move(result), !reader.ends_in_the_middle()};
+  std::optional<Replay> replay;
+  const LogFile log = read_log(path, [&](const DispatcherSetup& setup, const LogEntry& entry) {
+    if (!replay) replay.emplace(setup);
+    return replay->take(entry);
+  });
+  return {log.setup.mode, log.size, replay ? replay->result() : ReplayResult(), log.complete};
 }
 
 }  // namespace pirt

@@ -23,6 +23,8 @@ class RunObserver {
   /// @param power_w  Drawn while a server works on it at full rate.
   virtual void arrived(std::size_t servers_index, std::uint32_t job, double power_w) = 0;
   virtual void departed(std::size_t servers_index, std::uint32_t job) = 0;
+  /// One that has arrived draws so much from now on while a server works on it.
+  virtual void draws(std::size_t /*servers_index*/, std::uint32_t /*job*/, double /*power_w*/) {}
   /// Beside what its servers do, the unit or link draws so much more from now on, or less.
   virtual void drawing(std::size_t /*servers_index*/, double /*by_w*/) {}
   /// The unit of @p task, which it has begun, prepares its kernel from @p now on, which takes that

@@ -44,6 +44,12 @@ class LoadObserver : public RunObserver {
     std::erase_if(loads_[servers_index].jobs,
                   [job](const auto& each) { return each.first == job; });
   }
+  /// Nothing, if it is not there.
+  void draws(std::size_t servers_index, std::uint32_t job, double power_w) final {
+    for (auto& [id, watts] : loads_[servers_index].jobs) {
+      if (id == job) watts = power_w;
+    }
+  }
   void drawing(std::size_t servers_index, double by_w) final {
     loads_[servers_index].beside_w += by_w;
   }

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <iterator>
-#include <numeric>
 
 #include "workloads/base/text/json.h"
 
@@ -40,15 +39,15 @@ TraceWriter::TraceWriter(const std::filesystem::path& path, const Scenario& run,
       free_lanes_(run.platform.units.size()),
       lanes_(run.platform.units.size(), 0) {
   for (const auto& unit : run.platform.units) {
-    power_keys_.push_back(quoted(unit.name));
-    depth_keys_.push_back(quoted(unit.name));
+    power_.keys.push_back(quoted(unit.name));
+    depth_.keys.push_back(quoted(unit.name));
   }
   for (const auto& [name, link] : run.platform.links) {
-    power_keys_.push_back(quoted("link " + name));
+    power_.keys.push_back(quoted("link " + name));
   }
-  depth_keys_.push_back(quoted("in no queue"));
+  depth_.keys.push_back(quoted("in no queue"));
   name_tracks(setup.mode->name);
-  settled(Nanos::zero(), std::vector<int>(depth_keys_.size(), 0));
+  settled(Nanos::zero(), std::vector<int>(depth_.keys.size(), 0));
 }
 
 void TraceWriter::name_tracks(std::string_view mode) {
@@ -77,7 +76,6 @@ void TraceWriter::submitted(TaskId task, std::size_t pipeline, std::size_t posit
 void TraceWriter::on_input(const DispatcherInput& input, const Answer& answer) {
   file_.log(log_line(input, answer));
   if (!answer.taken) return;
-  using Kind = DispatcherInput::Kind;
   for (std::size_t i = 0; i < answer.submitted.size(); ++i) {
     const TaskId id = answer.submitted[i];
     const Task& task = input.tasks[i];
@@ -95,7 +93,8 @@ void TraceWriter::on_input(const DispatcherInput& input, const Answer& answer) {
     if (found != tasks_.end()) found->second.over = true;
   }
   // The slot is free before the next task starts on it.
-  if (input.kind == Kind::kComplete) end_slice(input.task, input.outcome, input.now);
+  if (input.kind == DispatcherInput::Kind::kComplete)
+    end_slice(input.task, input.outcome, input.now);
   for (const Start& each : answer.started) start(each, input.now);
   for (const Ended& each : answer.ended) {
     file_.event(fmt::format(
@@ -177,25 +176,25 @@ void TraceWriter::preparing(TaskId task, Nanos now, Nanos takes) {
 void TraceWriter::settled(Nanos now, std::span<const int> waiting) {
   if (now > settled_at_) write_counters();
   settled_at_ = now;
-  power_.clear();
-  for (const auto& load : loads_) power_.push_back(load.power_w());
-  depth_.assign(waiting.begin(), waiting.end());
+  power_.values.clear();
+  for (const auto& load : loads_) power_.values.push_back(load.power_w());
+  depth_.values.assign(waiting.begin(), waiting.end());
 }
 
 void TraceWriter::write_counters() {
-  counter("power W", power_, power_keys_, last_power_, settled_at_);
-  counter("queue depth", depth_, depth_keys_, last_depth_, settled_at_);
+  write(power_, settled_at_);
+  write(depth_, settled_at_);
 }
 
-void TraceWriter::counter(const char* name, const std::vector<double>& values,
-                          const std::vector<std::string>& keys, std::vector<double>& last,
-                          Nanos at) {
-  if (values == last) return;
-  last = values;
-  std::string line =
-      fmt::format(R"({{"name":"{}","ph":"C","pid":0,"tid":0,"ts":{},"args":{{)", name, us(at));
+void TraceWriter::write(Counter& counter, Nanos at) {
+  const auto& values = counter.values;
+  if (values == counter.written) return;
+  counter.written = values;
+  std::string line = fmt::format(R"({{"name":"{}","ph":"C","pid":0,"tid":0,"ts":{},"args":{{)",
+                                 counter.name, us(at));
   for (std::size_t i = 0; i < values.size(); ++i) {
-    fmt::format_to(std::back_inserter(line), "{}{}:{}", i == 0 ? "" : ",", keys[i], values[i]);
+    fmt::format_to(std::back_inserter(line), "{}{}:{}", i == 0 ? "" : ",", counter.keys[i],
+                   values[i]);
   }
   file_.event(line + "}}");
 }
@@ -203,8 +202,8 @@ void TraceWriter::counter(const char* name, const std::vector<double>& values,
 void TraceWriter::finish(const Tally& tally) {
   write_counters();
   // The run ends here, and with it what idle units draw.
-  std::ranges::fill(power_, 0);
-  counter("power W", power_, power_keys_, last_power_, std::max(tally.end, settled_at_));
+  std::ranges::fill(power_.values, 0);
+  write(power_, std::max(tally.end, settled_at_));
   if (run_.mix.open_loop()) {
     file_.event(fmt::format(
         R"({{"name":"duration: counts and energy are of this moment","ph":"i","s":"g","pid":0,"tid":0,"ts":{}}})",

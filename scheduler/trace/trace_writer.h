@@ -12,7 +12,6 @@
 #pragma once
 
 #include <filesystem>
-#include <map>
 #include <set>
 #include <span>
 #include <string>
@@ -71,12 +70,18 @@ class TraceWriter final : public DispatcherObserver, public LoadObserver {
     bool over = false;  ///< For the dispatcher; it may still run.
   };
 
+  struct Counter {
+    const char* name;
+    std::vector<std::string> keys = {};
+    std::vector<double> values = {};   ///< At settled_at_.
+    std::vector<double> written = {};  ///< The last ones.
+  };
+
   void name_tracks(std::string_view mode);
   void start(const Start& start, Nanos now);
   void end_slice(TaskId task, Outcome outcome, Nanos now);
   std::size_t take_lane(UnitId unit);
-  void counter(const char* name, const std::vector<double>& values,
-               const std::vector<std::string>& keys, std::vector<double>& last, Nanos at);
+  void write(Counter& counter, Nanos at);
   void write_counters();
 
   const Scenario& run_;
@@ -84,9 +89,7 @@ class TraceWriter final : public DispatcherObserver, public LoadObserver {
   std::unordered_map<TaskId, TaskTrack> tasks_;
   std::vector<std::set<std::size_t>> free_lanes_;  ///< By unit.
   std::vector<std::size_t> lanes_;                 ///< By unit: how many there are.
-  std::vector<std::string> power_keys_, depth_keys_;
-  std::vector<double> power_, depth_;            ///< At settled_at_, not yet written.
-  std::vector<double> last_power_, last_depth_;  ///< As written.
+  Counter power_{.name = "power W"}, depth_{.name = "queue depth"};
   Nanos settled_at_{0};
   std::uint64_t flows_ = 0;
 };

@@ -60,7 +60,6 @@ TEST(Histogram, IsWithinATenthOfAPercentOfTheSortedValues) {
   EXPECT_GT(worst, 0);  // The values do not all fall on middles; a bound of 0 would test nothing.
 }
 
-}  // namespace
 TEST(Histogram, TakesAnotherOnesValues) {
   Histogram all;
   Histogram parts[2];
@@ -78,4 +77,5 @@ TEST(Histogram, TakesAnotherOnesValues) {
   }
 }
 
+}  // namespace
 }  // namespace pirt::test

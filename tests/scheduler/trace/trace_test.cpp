@@ -1,5 +1,7 @@
 // Traces: tracks, flows and counters as Perfetto reads them; replays that decide alike; and files
 // that are not traces.
+#include <fmt/format.h>
+
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -31,10 +33,10 @@ class Traces : public testing::Test {
   }
   ~Traces() override { std::filesystem::remove_all(folder_); }
 
-  RunRecord run(const Platform& platform, const Mix& mix, const std::string& mode) {
-    ScheduleOptions options;
+  RunRecord run(const Platform& platform, const Mix& mix, const std::string& mode,
+                ScheduleOptions options = {}) {
     options.mode = mode;
-    if (mix.open_loop()) options.duration = from_s(0.5);
+    if (mix.open_loop() && !options.duration) options.duration = from_s(0.5);
     options.trace = path();
     return run_virtual(platform, nullptr, mix, options);
   }
@@ -70,6 +72,14 @@ pipelines:
   frames: {closed_loop: {frames: 30}, tasks: [{workload: convolution}]}
   planner: {rate_hz: 40, deadline_ms: 20, tasks: [{workload: fc8}]}
 )");
+}
+
+/// One unit with one slot, on which a task takes so many milliseconds.
+Platform one_slot(int ms) {
+  return platform_of(
+      fmt::format("platform: p\nunits: {{cpu: {{slots: 1}}}}\n"
+                  "workloads: {{fc8: {{cpu: [{{on: cpu, ms: {}}}]}}}}",
+                  ms));
 }
 
 std::int64_t ns(const json& us) { return std::llround(us.get<double>() * 1e3); }
@@ -113,8 +123,7 @@ TEST_F(Traces, HaveATrackASlotWithoutOverlaps) {
 
 TEST_F(Traces, ShareTheSlotsOfAUnit) {
   // Four slots, and in throughput mode four frames on the GPU.
-  static_cast<void>(
-      run(load_platform("snapdragon820"), load_mix("convolution-1000"), "throughput"));
+  run(load_platform("snapdragon820"), load_mix("convolution-1000"), "throughput");
   const auto tracks = slices_of(trace());
   EXPECT_EQ(tracks.size(), 3U + 4U);  // CPU 3, GPU 4; no DSP.
 }
@@ -170,16 +179,11 @@ TEST_F(Traces, HaveAPowerCounterWhoseAreaIsTheEnergy) {
 
 TEST_F(Traces, CountTheTasksThatWait) {
   // One unit, one slot, three frames at once, weight 2: one runs, one is queued, one held.
-  const auto platform = platform_of(
-      "platform: p\nunits: {cpu: {slots: 1}}\nworkloads: {fc8: {cpu: [{on: cpu, ms: 10}]}}");
   ScheduleOptions options;
-  options.mode = "throughput";
   options.in_flight = 3;
-  options.trace = path();
-  static_cast<void>(run_virtual(
-      platform, nullptr,
+  run(one_slot(10),
       mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 3}, tasks: [{workload: fc8}]}}"),
-      options));
+      "throughput", options);
   std::vector<std::string> depths;
   const auto all = trace();
   for (const auto& event : all["traceEvents"]) {
@@ -196,10 +200,8 @@ TEST_F(Traces, CountTheTasksThatWait) {
 // What mode budget foresees, waits for and keeps to comes from its inputs alone.
 TEST_F(Traces, ReplayTheForesightOfABudget) {
   ScheduleOptions options;
-  options.mode = "budget";
   options.duration = from_s(5);
   options.power_cap_w = 1;
-  options.trace = path();
   const auto platform = parse_platform(
       "one.yaml", "platform: one\nunits: {cpu: {slots: 1, active_w: 2, idle_w: 0.5}}\n", {}, 4);
   const auto mix = parse_mix("m.yaml", R"(
@@ -212,7 +214,7 @@ pipelines:
     tasks: [{name: a, service_ms: {cpu: 1}}]
   mapping: {rate_hz: 100, tasks: [{name: a, service_ms: {cpu: 8}}]}
 )");
-  const auto record = run_virtual(platform, nullptr, mix, options);
+  const auto record = run(platform, mix, "budget", options);
   EXPECT_GT(record.completed, 150);
   EXPECT_EQ(record.pipelines[0].deadline_misses, 0);
   const auto log = load_trace_log(path());
@@ -258,7 +260,7 @@ TEST_F(Traces, DoNotChangeTheRun) {
 }
 
 TEST_F(Traces, ReplayFindsAnAlteredDecision) {
-  static_cast<void>(run(load_platform("fake"), busy_mix(), "throughput"));
+  run(load_platform("fake"), busy_mix(), "throughput");
   const auto good = trace();
   auto altered = good;
   auto& log = altered["pirt"]["log"];
@@ -284,7 +286,7 @@ TEST_F(Traces, ReplayFindsAnAlteredDecision) {
 }
 
 TEST_F(Traces, ThatAreDamagedAreRefused) {
-  static_cast<void>(run(load_platform("fake"), busy_mix(), "edf"));
+  run(load_platform("fake"), busy_mix(), "edf");
   const auto refused = [&](const std::string& each) {
     return bad_input([&] { static_cast<void>(replay_of(each)); });
   };
@@ -324,7 +326,7 @@ TEST_F(Traces, ThatAreDamagedAreRefused) {
 }
 
 TEST_F(Traces, ReplayFindsAnInputThatIsRefused) {
-  static_cast<void>(run(load_platform("fake"), busy_mix(), "edf"));
+  run(load_platform("fake"), busy_mix(), "edf");
   auto altered = trace();
   auto& log = altered["pirt"]["log"];
   std::size_t at = 0;
@@ -344,15 +346,11 @@ TEST_F(Traces, ReplayFindsAnInputThatIsRefused) {
 
 TEST_F(Traces, RunThroughTheDrainAndMarkTheDuration) {
   // 100 Hz for 50 ms of 30 ms each: the five end at 150 ms.
-  const auto platform = platform_of(
-      "platform: p\nunits: {cpu: {slots: 1}}\nworkloads: {fc8: {cpu: [{on: cpu, ms: 30}]}}");
   ScheduleOptions options;
-  options.mode = "throughput";
   options.duration = from_s(0.05);
-  options.trace = path();
-  const auto record = run_virtual(
-      platform, nullptr, mix_of("mix: m\npipelines: {p: {rate_hz: 100, tasks: [{workload: fc8}]}}"),
-      options);
+  const auto record =
+      run(one_slot(30), mix_of("mix: m\npipelines: {p: {rate_hz: 100, tasks: [{workload: fc8}]}}"),
+          "throughput", options);
   EXPECT_EQ(record.completed, 1);
   const auto all = trace();
   std::int64_t last = 0;
@@ -367,13 +365,11 @@ TEST_F(Traces, RunThroughTheDrainAndMarkTheDuration) {
 
 TEST_F(Traces, HoldNamesThatAreNotUtf8) {
   // A platform that was put together by a program.
-  auto platform = platform_of(
-      "platform: p\nunits: {cpu: {slots: 1}}\nworkloads: {fc8: {cpu: [{on: cpu, ms: 30}]}}");
+  auto platform = one_slot(30);
   platform.name = "p\xff";
-  static_cast<void>(run(platform,
-                        mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 2}, tasks: "
-                               "[{workload: fc8}]}}"),
-                        "throughput"));
+  run(platform,
+      mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 2}, tasks: [{workload: fc8}]}}"),
+      "throughput");
   EXPECT_FALSE(replay_file(path()).result.difference);
 }
 
@@ -381,12 +377,8 @@ TEST_F(Traces, AreNeverHalfWritten) {
   std::ofstream(path()) << "what was there";
   // The run is refused after the options were read: no such weights.
   ScheduleOptions options;
-  options.mode = "throughput";
   options.weights = {{"npu", 1}};
-  options.trace = path();
-  EXPECT_THAT(bad_input([&] {
-                static_cast<void>(run_virtual(load_platform("fake"), nullptr, busy_mix(), options));
-              }),
+  EXPECT_THAT(bad_input([&] { run(load_platform("fake"), busy_mix(), "throughput", options); }),
               HasSubstr("npu"));
   EXPECT_EQ(read_file(path()), "what was there");
   {
@@ -400,7 +392,7 @@ TEST_F(Traces, AreNeverHalfWritten) {
   };
   EXPECT_THAT(refused(folder_ / "none" / "t.json"), HasSubstr("none"));
   EXPECT_THAT(refused("/dev/full"), HasSubstr("/dev/full"));
-  static_cast<void>(run(load_platform("fake"), busy_mix(), "ect"));
+  run(load_platform("fake"), busy_mix(), "ect");
   EXPECT_EQ(files(), 1U);
   EXPECT_TRUE(trace().contains("pirt"));
 }
