@@ -57,12 +57,11 @@ void add_warnings(const Scenario& scenario, const Mode& mode, std::vector<std::s
   if (filling.rule != WeightRule::kNone) {
     for (const auto& unit : platform.units) {
       if (unit.role != Role::kOther) continue;
-      warnings.push_back("unit " + unit.name +
-                         " is of role other, which the paper's algorithms do "
-                         "not speak of: mode " +
-                         std::string(filling.name) +
-                         " takes it for an accelerator like the DSP; give it a `role:` to change "
-                         "that");
+      warnings.push_back(
+          fmt::format("unit {} is of role other, which the paper's algorithms do not speak of: "
+                      "mode {} takes it for an accelerator like the DSP; give it a `role:` to "
+                      "change that",
+                      unit.name, filling.name));
     }
   }
   if (mode.policy.planner != nullptr) {

@@ -64,19 +64,14 @@ std::string resource_of(const RunRecord& run, const Mix& mix, const UnitResult* 
   return fmt::format("its turn: calls before it are not interrupted ({:.0f} % busy)", 100 * busy);
 }
 
-/// A mix with the parameter at a value.
+/// A mix with the parameter at a value; a cap of power is no mix's.
 Mix changed(const Mix& mix, const WhatIfChange& change, double value) {
   Mix other = mix;
   if (change.kind != WhatIfChange::Kind::kRate) return other;
+  const bool all = change.pipeline == kAll;
   for (Pipeline& pipeline : other.pipelines) {
-    if (!pipeline.rate_hz) continue;
-    if (change.pipeline == kAll) {
-      pipeline.rate_hz = *pipeline.rate_hz * value;
-    } else if (pipeline.name == change.pipeline) {
-      pipeline.rate_hz = value;
-    } else {
-      continue;
-    }
+    if (!pipeline.rate_hz || (!all && pipeline.name != change.pipeline)) continue;
+    pipeline.rate_hz = all ? *pipeline.rate_hz * value : value;
     pipeline.jitter = std::min(pipeline.jitter, from_s(1 / *pipeline.rate_hz));
   }
   return other;
@@ -105,16 +100,22 @@ class Search {
  private:
   WhatIfRow found(const std::string& mode, const std::vector<double>& values) {
     WhatIfRow row{.mode = mode};
+    const auto holds_at = [&](double value) {
+      if (auto breakage = breakage_at(mode, value)) {
+        row.breaks = value;
+        row.breakage = std::move(breakage);
+        return false;
+      }
+      row.holds = value;
+      return true;
+    };
     try {
       for (const double value : values) {
-        if (auto breakage = breakage_at(mode, value)) {
-          row.breaks = value;
-          row.breakage = std::move(breakage);
-          break;
-        }
-        row.holds = value;
+        if (!holds_at(value)) break;
       }
-      if (row.holds && row.breaks) bisect(row);
+      for (int i = 0; i < kHalvings && row.holds && row.breaks; ++i) {
+        holds_at((*row.holds + *row.breaks) / 2);
+      }
     } catch (const Error& error) {
       row.not_run = error.what();
     }
@@ -143,19 +144,6 @@ class Search {
     uncertain_ = run.uncertain;
     if (!warnings_) warnings_ = run.warnings;
     return breakage_of(run, mix, cap_w);
-  }
-
-  void bisect(WhatIfRow& row) {
-    for (int i = 0; i < kHalvings; ++i) {
-      const double middle = (*row.holds + *row.breaks) / 2;
-      auto breakage = breakage_at(row.mode, middle);
-      if (!breakage) {
-        row.holds = middle;
-        continue;
-      }
-      row.breaks = middle;
-      row.breakage = std::move(breakage);
-    }
   }
 
   const Platform& platform_;

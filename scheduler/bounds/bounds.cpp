@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -62,11 +63,6 @@ std::vector<TaskGroup> by_kind(const Work& work) {
   return groups;
 }
 
-void sort_unique(std::vector<std::size_t>& values) {
-  std::ranges::sort(values);
-  values.erase(std::unique(values.begin(), values.end()), values.end());
-}
-
 /// Where no task may be done more often than those that it comes after. Of one kind and alike are
 /// links of a chain without branches, and then what comes after the same and before the same.
 std::vector<TaskGroup> by_order(const Work& work) {
@@ -80,7 +76,7 @@ std::vector<TaskGroup> by_order(const Work& work) {
     }
     struct Chain {
       std::size_t kind = 0;
-      std::vector<std::size_t> after = {}, behind = {};  ///< Chains.
+      std::set<std::size_t> after = {}, behind = {};  ///< Chains.
       std::vector<std::size_t> tasks = {};
     };
     std::vector<Chain> chains;
@@ -92,14 +88,12 @@ std::vector<TaskGroup> by_order(const Work& work) {
       chain_of.push_back(goes_on ? chain_of[after.front()] : chains.size());
       if (!goes_on) {
         Chain& chain = chains.emplace_back(Chain{.kind = kinds[t]});
-        for (const std::size_t before : after) chain.after.push_back(chain_of[before]);
-        sort_unique(chain.after);
-        for (const std::size_t before : chain.after) chains[before].behind.push_back(chain_of[t]);
+        for (const std::size_t before : after) chain.after.insert(chain_of[before]);
+        for (const std::size_t before : chain.after) chains[before].behind.insert(chain_of[t]);
       }
       chains[chain_of[t]].tasks.push_back(t);
     }
-    std::map<std::tuple<std::size_t, std::vector<std::size_t>, std::vector<std::size_t>>,
-             std::size_t>
+    std::map<std::tuple<std::size_t, std::set<std::size_t>, std::set<std::size_t>>, std::size_t>
         known;
     std::vector<std::size_t> group_of;
     for (Chain& chain : chains) {
@@ -108,10 +102,7 @@ std::vector<TaskGroup> by_order(const Work& work) {
       group_of.push_back(found->second);
       if (is_new) {
         groups.push_back({.pipeline = p, .units = &tasks[chain.tasks.front()].units, .tasks = 0});
-        for (const std::size_t before : chain.after) {
-          groups.back().after.push_back(group_of[before]);
-        }
-        sort_unique(groups.back().after);
+        for (const std::size_t before : chain.after) groups.back().after.insert(group_of[before]);
       }
       groups[found->second].tasks += static_cast<double>(chain.tasks.size());
     }
@@ -129,7 +120,7 @@ void add_completeness(const std::vector<TaskGroup>& groups, LinearProgram& progr
     const auto best =
         std::ranges::min_element(*group.units, {}, &UnitWork::total_ms) - group.units->begin();
     const int guess = terms[static_cast<std::size_t>(best)].first;
-    program.add_row(std::move(terms), 1.0, 1.0, guess);
+    program.add_row(terms, 1.0, 1.0, guess);
   }
 }
 
@@ -156,11 +147,9 @@ void add_capacity(const Work& work, const std::vector<TaskGroup>& groups,
       if (choice.server_ms[unit] > 0) busy.emplace_back(variable, calls * choice.server_ms[unit]);
       if (choice.unit == unit) held.emplace_back(variable, calls * choice.total_ms);
     });
-    program.add_row(std::move(busy), -LinearProgram::kUnlimited,
-                    time_ms * work.units[unit].servers);
+    program.add_row(busy, -LinearProgram::kUnlimited, time_ms * work.units[unit].servers);
     if (work.units[unit].slots) {
-      program.add_row(std::move(held), -LinearProgram::kUnlimited,
-                      time_ms * *work.units[unit].slots);
+      program.add_row(held, -LinearProgram::kUnlimited, time_ms * *work.units[unit].slots);
     }
   }
 }
@@ -212,7 +201,7 @@ std::optional<double> most_tasks_per_ms(const Work& work) {
     for (const std::size_t before : group.after) {
       Terms terms = own;
       groups[before].add_whole(-1.0, terms);
-      program.add_row(std::move(terms), -LinearProgram::kUnlimited, 0.0);
+      program.add_row(terms, -LinearProgram::kUnlimited, 0.0);
     }
   }
   add_capacity(work, groups, std::vector<double>(work.pipelines.size(), 1.0), 1.0, {}, program);

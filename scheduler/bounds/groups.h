@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <set>
 #include <vector>
 
 #include "scheduler/bounds/bounds.h"
@@ -16,8 +17,8 @@ struct TaskGroup {
   std::size_t pipeline = 0;
   const std::vector<UnitWork>* units = nullptr;
   double tasks = 1;
-  std::vector<std::size_t> after = {};  ///< Groups; only where their order counts.
-  int first = 0;                        ///< Variable: what each task has on the first unit.
+  std::set<std::size_t> after = {};  ///< Groups; only where their order counts.
+  int first = 0;                     ///< Variable: what each task has on the first unit.
 
   /// What each task has on all units together.
   void add_whole(double coefficient, LinearProgram::Terms& terms) const {

@@ -12,13 +12,14 @@ namespace pirt {
 class LinearProgram {
  public:
   using Terms = std::vector<std::pair<int, double>>;  ///< Variable and coefficient.
-  static constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+  static constexpr double kUnlimited = std::numeric_limits<double>::max();  ///< Clp's word for it.
 
   /// @return The variable's number, from 0 on.
   int add_variable(double cost, double upper = kUnlimited);
   /// @param guess  A variable that is likely to be above 0 where the row is at its low end, which
   /// saves the search for it.
-  void add_row(Terms terms, double low, double high, std::optional<int> guess = std::nullopt);
+  void add_row(const Terms& terms, double low, double high,
+               std::optional<int> guess = std::nullopt);
 
   struct Solution {
     double minimum = 0;
@@ -33,15 +34,14 @@ class LinearProgram {
   }
 
  private:
-  struct Row {
-    Terms terms;
-    double low, high;
-    std::optional<int> guess;
-  };
   [[nodiscard]] std::vector<unsigned char> first_basis() const;
 
-  std::vector<double> costs_, uppers_;
-  std::vector<Row> rows_;
+  std::vector<double> costs_, uppers_;  ///< By variable.
+  std::vector<double> lows_, highs_;    ///< By row.
+  std::vector<std::optional<int>> guesses_;
+  std::vector<int> starts_ = {0};  ///< Where each row's terms begin, and where the last one's end.
+  std::vector<int> variables_;     ///< Of all terms,
+  std::vector<double> coefficients_;
 };
 
 }  // namespace pirt

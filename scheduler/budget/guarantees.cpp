@@ -8,6 +8,8 @@
 #include <iterator>
 #include <set>
 
+#include "scheduler/services/recall.h"
+
 namespace pirt {
 namespace {
 
@@ -40,8 +42,15 @@ struct Analysed {
 
 class Analysis {
  public:
-  Analysis(const Scenario& scenario, const BudgetPlan& plan)
-      : scenario_(scenario), plan_(plan), before_(plan.tasks.size()) {
+  /// @param given  The plan with the capacities that it has if nothing is guaranteed.
+  Analysis(const Scenario& scenario, const BudgetPlan& plan, const BudgetPlan& given)
+      : scenario_(scenario),
+        plan_(plan),
+        given_(given),
+        before_(plan.tasks.size()),
+        units_(plan.pipelines.size(), 0),
+        obstacles_(plan.pipelines.size()),
+        others_(scenario.platform.units.size(), Nanos::zero()) {
     for (std::size_t p = 0; p < scenario.classes.size(); ++p) {
       const auto& classes = scenario.classes[p];
       for (std::size_t t = 0; t < classes.size(); ++t) {
@@ -54,8 +63,13 @@ class Analysis {
         }
       }
     }
-    obstacles_ = all_obstacles();
-    std::erase_if(all_, [&](const Analysed& each) { return !obstacles_[each.pipeline].empty(); });
+    for (std::size_t p = 0; p < obstacles_.size(); ++p) {
+      const Pipeline& its = scenario.mix.pipelines[p];
+      if (its.deadline) obstacles_[p] = its.rate_hz ? obstacle(p) : "closed loop";
+    }
+    do {
+      spread_obstacles();
+    } while (find_wanted_back());
   }
 
   std::vector<Guarantee> run() {
@@ -71,13 +85,10 @@ class Analysis {
     return results;
   }
 
-  /// Sets how long others may hold the units of @p plan's tasks.
-  void protect(BudgetPlan& plan) {
-    for (const Analysed& each : all_) {  // Their units serve one call at a time here.
-      for (BudgetPlan::Task& task : plan.tasks) {
-        task.capacity[each.unit] = std::min(task.capacity[each.unit], 1);
-      }
-    }
+  /// Sets how long others may hold the units of @p plan's tasks, where those units then serve one
+  /// call at a time. @return  Whether one of them served several.
+  bool protect(BudgetPlan& plan) {
+    bool served_several = false;
     std::vector<bool> done(plan.tasks.size(), false);
     for (const Analysed& first : all_) {
       if (done[first.entry]) continue;
@@ -86,11 +97,17 @@ class Analysis {
       if (!share_slack()) continue;
       // Of those that keep no deadline, too: others count on how late they are.
       for (const Analysed& each : tasks_) {
+        for (BudgetPlan::Task& task : plan.tasks) {
+          int& capacity = task.capacity[each.unit];
+          served_several = served_several || capacity > 1;
+          capacity = std::min(capacity, 1);
+        }
         if (each.tolerates == kNoLimit) continue;
         plan.tasks[each.entry].ready = each.ready;
         plan.tasks[each.entry].tolerates = each.tolerates;
       }
     }
+    return served_several;
   }
 
  private:
@@ -130,20 +147,16 @@ class Analysis {
 
   /// The tasks of the pipeline, of those that share a unit with it, and so on.
   [[nodiscard]] std::vector<Analysed> together_with(std::size_t pipeline) const {
-    std::set<std::size_t> pipelines = {pipeline};
-    UnitMask units = 0;
-    for (std::size_t known = 0; known != pipelines.size();) {
-      known = pipelines.size();
-      for (const Analysed& task : all_) {
-        if (pipelines.contains(task.pipeline)) units |= unit_bit(task.unit);
-      }
-      for (const Analysed& task : all_) {
-        if (contains(units, task.unit)) pipelines.insert(task.pipeline);
+    UnitMask units = units_[pipeline];
+    for (UnitMask known = 0; known != units;) {
+      known = units;
+      for (const UnitMask its : units_) {
+        if ((its & units) != 0) units |= its;
       }
     }
     std::vector<Analysed> tasks;
     std::ranges::copy_if(all_, std::back_inserter(tasks),
-                         [&](const Analysed& task) { return pipelines.contains(task.pipeline); });
+                         [&](const Analysed& task) { return contains(units, task.unit); });
     return tasks;
   }
 
@@ -161,28 +174,77 @@ class Analysis {
     return responses;
   }
 
-  /// By pipeline. What is not analysed may be in the way of others at any time: nothing can be said
-  /// of those on its units either.
-  [[nodiscard]] std::vector<std::string> all_obstacles() const {
+  /// What is not analysed may be in the way of others at any time: nothing can be said of those on
+  /// its units either.
+  void spread_obstacles() {
     const auto& pipelines = scenario_.mix.pipelines;
-    std::vector<std::string> obstacles(pipelines.size());
-    std::vector<UnitMask> units(pipelines.size(), 0);
-    for (std::size_t p = 0; p < pipelines.size(); ++p) {
-      if (!pipelines[p].deadline) continue;
-      obstacles[p] = pipelines[p].rate_hz ? obstacle(p) : "closed loop";
-      for (const TaskClass& kind : scenario_.classes[p]) units[p] |= units_of(kind.entry);
-    }
     for (bool changed = true; changed;) {
       changed = false;
       for (std::size_t p = 0; p < pipelines.size(); ++p) {
-        for (std::size_t q = 0; q < pipelines.size() && obstacles[p].empty(); ++q) {
-          if (obstacles[q].empty() || (units[p] & units[q]) == 0) continue;
-          obstacles[p] = "on a unit of " + pipelines[q].name + ", which is not";
+        for (std::size_t q = 0; q < pipelines.size() && obstacles_[p].empty(); ++q) {
+          if (obstacles_[q].empty() || (units_[p] & units_[q]) == 0) continue;
+          obstacles_[p] = "on a unit of " + pipelines[q].name + ", which is not";
           changed = true;
         }
       }
     }
-    return obstacles;
+    std::erase_if(all_, [&](const Analysed& each) { return !obstacles_[each.pipeline].empty(); });
+  }
+
+  /// What may be wanted back from a cloud may come to units of the robot at any time.
+  /// @return  Whether that is known of one more pipeline.
+  bool find_wanted_back() {
+    bool changed = false;
+    for (std::size_t p = 0; p < obstacles_.size(); ++p) {
+      const UnitMask on = wanted_back_on(p);
+      if (on == 0 || (!obstacles_[p].empty() && (on & ~units_[p]) == 0)) continue;
+      changed = true;
+      units_[p] |= on;
+      if (obstacles_[p].empty()) obstacles_[p] = "may be wanted back from the cloud";
+    }
+    return changed;
+  }
+
+  /// The units of the robot that get what the pipeline may want back from a cloud.
+  [[nodiscard]] UnitMask wanted_back_on(std::size_t pipeline) {
+    const Pipeline& its = scenario_.mix.pipelines[pipeline];
+    const UnitMask cloud = cloud_units(scenario_.platform);
+    if (!its.deadline || its.real_time || (units_[pipeline] & cloud) == 0) return 0;
+    tasks_ = together_with(pipeline);
+    const bool settled = obstacles_[pipeline].empty() && settled_responses();
+    const auto leads = recall_leads(scenario_, pipeline);
+    UnitMask on = 0;
+    for (std::size_t t = 0; t < leads.size(); ++t) {
+      const TaskClass& kind = scenario_.classes[pipeline][t];
+      if (!leads[t] || (units_of(kind.entry) & cloud) == 0) continue;
+      const BudgetPlan::Task& task = plan_.tasks[kind.entry];
+      const Nanos wanted = *its.deadline - leads[t]->before_deadline;
+      const auto is_back = [&](const Analysed& each) {
+        return each.entry == kind.entry && each.response < wanted;
+      };
+      if (settled ? std::ranges::any_of(tasks_, is_back)
+                  : never_waits(pipeline) && task.takes(task.units.front()) < wanted) {
+        continue;
+      }
+      const auto here = [cloud](UnitId unit) { return !contains(cloud, unit); };
+      on |= unit_bit(*std::ranges::find_if(task.units, here));
+    }
+    return on;
+  }
+
+  /// Whether the unit of the pipeline's one task serves any number of its calls at a time, and no
+  /// others that have a deadline.
+  [[nodiscard]] bool never_waits(std::size_t pipeline) const {
+    const TaskClass& kind = scenario_.classes[pipeline].front();
+    const BudgetPlan::Task& task = plan_.tasks[kind.entry];
+    const UnitId unit = task.units.front();
+    const UnitModel& model = scenario_.platform.units[unit];
+    const auto is_served = [](const ServiceStage& stage) { return stage.on.has_value(); };
+    return scenario_.classes[pipeline].size() == 1 && task.pinned && !task.state &&
+           given_.tasks[kind.entry].capacity[unit] > 1 && !model.slots && !model.measured() &&
+           model.link.empty() &&
+           std::ranges::none_of(scenario_.services.find(kind.workload, unit)->stages, is_served) &&
+           std::ranges::count_if(units_, [unit](UnitMask its) { return contains(its, unit); }) == 1;
   }
 
   /// Those that the plan may give the task to.
@@ -193,10 +255,13 @@ class Analysis {
     return mask;
   }
 
+  /// Whether both entries may be ready at a time.
+  [[nodiscard]] bool concurrent(std::uint32_t a, std::uint32_t b) const {
+    return a != b && !before_[a].contains(b) && !before_[b].contains(a);
+  }
   /// Whether both may want their unit at a time.
   [[nodiscard]] bool compete(const Analysed& a, const Analysed& b) const {
-    return a.unit == b.unit && a.entry != b.entry && !before_[a.entry].contains(b.entry) &&
-           !before_[b.entry].contains(a.entry);
+    return a.unit == b.unit && concurrent(a.entry, b.entry);
   }
 
   [[nodiscard]] bool is_periodic(std::size_t pipeline) const {
@@ -205,24 +270,25 @@ class Analysis {
 
   void add(std::size_t pipeline, std::uint32_t entry) {
     const BudgetPlan::Task& task = plan_.tasks[entry];
-    const UnitId unit = task.units.front();
-    const Nanos takes = task.takes(unit);
+    if (plan_.pipelines[pipeline].deadline) units_[pipeline] |= units_of(entry);
     if (!is_periodic(pipeline)) {
       for (const UnitId each : task.units) {
         if (task.capacity[each] == 0) continue;
-        others_.push_back({each, task.slice_on(each) + task.prepare[each]});
+        others_[each] = std::max(others_[each], task.holds(each));
+        if (task.can_be_suspended(each)) sliced_ |= unit_bit(each);
       }
       return;
     }
+    const UnitId unit = task.units.front();
     const auto& arrivals = plan_.pipelines[pipeline];
     all_.push_back({.entry = entry,
                     .pipeline = pipeline,
                     .unit = unit,
                     .period = period_of(arrivals),
-                    .takes = takes,
-                    .slice = task.slice_on(unit) + task.prepare[unit],
+                    .takes = task.takes(unit),
+                    .slice = task.holds(unit),
                     .deadline = *arrivals.deadline,
-                    .slack = *arrivals.deadline - task.behind - takes,
+                    .slack = *arrivals.deadline - task.way(),
                     .tolerates = task.tolerates.value_or(kNoLimit),
                     .late = arrivals.jitter});
   }
@@ -250,17 +316,15 @@ class Analysis {
       }
       if (shares_servers(unit)) return "served on another's cores: " + model.name;
       if (model.servers != 1) return "several servers: " + model.name;
-      if (!model.link.empty()) {
-        const auto several = [unit](const BudgetPlan::Task& each) {
-          return each.capacity[unit] > 1;
-        };
-        if (std::ranges::any_of(plan_.tasks, several))
-          return "several calls at a time: " + model.name;
-        if (std::ranges::count(scenario_.platform.units, model.link, &UnitModel::link) > 1) {
-          return "shares link " + model.link;
-        }
+      const auto several = [unit](const BudgetPlan::Task& each) { return each.capacity[unit] > 1; };
+      if (std::ranges::any_of(plan_.tasks, several)) {
+        return "several calls at a time: " + model.name;
       }
-      if (tasks[t].state && shared_state(pipeline, *tasks[t].state)) {
+      if (!model.link.empty() &&
+          std::ranges::count(scenario_.platform.units, model.link, &UnitModel::link) > 1) {
+        return "shares link " + model.link;
+      }
+      if (tasks[t].state && is_shared(*tasks[t].state)) {
         return "shares state " + scenario_.mix.states[*tasks[t].state].name;
       }
     }
@@ -277,19 +341,18 @@ class Analysis {
       if (!is_periodic(p)) return true;
       const auto& arrivals = plan_.pipelines[p];
       const Nanos lasts = *arrivals.deadline + arrivals.jitter;
-      used += (lasts - Nanos(1)) / period_of(arrivals) + 1;
+      used += count_in(lasts - Nanos(1), period_of(arrivals));
       used += mix.pipelines[p].keeps_image() ? 1 : 0;
     }
     return used > mix.image_buffers.value_or(used);
   }
 
   /// Whether another task of the workload may be there when the unit serves this one: it is not let
-  /// in between two slices (Dispatcher::may_let_in).
+  /// in between two slices (Dispatcher::let_in).
   [[nodiscard]] bool meets_own_workload(const TaskClass& kind, UnitId unit) const {
     const auto meets = [&](const TaskClass& other) {
-      return other.workload == kind.workload && other.entry != kind.entry &&
-             contains(units_of(other.entry), unit) && !before_[kind.entry].contains(other.entry) &&
-             !before_[other.entry].contains(kind.entry);
+      return other.workload == kind.workload && contains(units_of(other.entry), unit) &&
+             concurrent(other.entry, kind.entry);
     };
     return std::ranges::any_of(scenario_.classes, [&](const std::vector<TaskClass>& classes) {
       return std::ranges::any_of(classes, meets);
@@ -310,14 +373,12 @@ class Analysis {
     return false;
   }
 
-  [[nodiscard]] bool shared_state(std::size_t pipeline, std::size_t state) const {
-    for (std::size_t p = 0; p < scenario_.mix.pipelines.size(); ++p) {
-      if (p == pipeline) continue;
-      for (const MixTask& task : scenario_.mix.pipelines[p].tasks) {
-        if (task.state == state) return true;
-      }
-    }
-    return false;
+  /// Whether tasks of several pipelines hold the state.
+  [[nodiscard]] bool is_shared(std::size_t state) const {
+    return std::ranges::count_if(scenario_.mix.pipelines, [state](const Pipeline& each) {
+             return std::ranges::any_of(
+                 each.tasks, [state](const MixTask& task) { return task.state == state; });
+           }) > 1;
   }
 
   /// Responses make what comes after them ready later, which makes responses longer: until nothing
@@ -327,8 +388,10 @@ class Analysis {
     for (int round = 0; round < kMostRounds; ++round) {
       bool changed = false;
       for (Analysed& task : tasks_) {
-        const Nanos ready = ready_of(task);
-        task.ready = std::max(task.ready, ready);
+        for (const Analysed& other : tasks_) {
+          if (!before_[task.entry].contains(other.entry)) continue;
+          task.ready = std::max(task.ready, other.response);
+        }
         const Nanos response = response_of(task);
         changed = changed || response != task.response;
         task.response = response;
@@ -339,35 +402,27 @@ class Analysis {
     return false;
   }
 
-  [[nodiscard]] Nanos ready_of(const Analysed& task) const {
-    const auto& classes = scenario_.classes[task.pipeline];
-    const auto position = static_cast<std::size_t>(
-        std::ranges::find(classes, task.entry, &TaskClass::entry) - classes.begin());
-    Nanos ready{0};
-    for (const std::size_t each : scenario_.mix.pipelines[task.pipeline].waits_for(position)) {
-      const auto before = std::ranges::find(tasks_, classes[each].entry, &Analysed::entry);
-      ready = std::max(ready, before->response);
-    }
-    return ready;
-  }
-
   /// Whether calls of the unit are suspended between slices: by deadline, not by when they have to
   /// start.
   [[nodiscard]] bool suspends_calls(UnitId unit) const {
-    return std::ranges::any_of(tasks_, [unit](const Analysed& each) {
-      return each.unit == unit && each.slice < each.takes;
-    });
+    return contains(sliced_, unit) || std::ranges::any_of(tasks_, [unit](const Analysed& each) {
+             return each.unit == unit && each.slice < each.takes;
+           });
+  }
+
+  /// Firings of the other until so long after the task's may go before it.
+  [[nodiscard]] Nanos reach_of(const Analysed& task, const Analysed& other) const {
+    Nanos later = task.slack - other.slack;
+    if (suspends_calls(task.unit)) later = std::max(later, task.deadline - other.deadline);
+    return later + other.late + other.ready;
   }
 
   /// Firings of the other, in a busy period, whose tasks may go before @p task, ready @p into it,
   /// or are there before @p until.
   [[nodiscard]] std::int64_t ahead(const Analysed& task, const Analysed& other, Nanos into,
                                    Nanos until) const {
-    const Nanos spread = other.late + other.ready;
-    Nanos sooner = task.slack - other.slack;
-    if (suspends_calls(task.unit)) sooner = std::max(sooner, task.deadline - other.deadline);
-    return std::min(count_in(into + sooner + spread, other.period),
-                    count_in(until + spread, other.period));
+    return std::min(count_in(into + reach_of(task, other), other.period),
+                    count_in(until + other.late + other.ready, other.period));
   }
 
   /// How long the unit may be left idle for one firing of the other while this task waits.
@@ -383,14 +438,11 @@ class Analysis {
 
   /// The longest of what may have begun before the task came, which nothing interrupts.
   [[nodiscard]] Nanos blocking_of(const Analysed& task) const {
-    Nanos longest{0};
-    for (const auto& [unit, takes] : others_) {
-      if (unit == task.unit) longest = std::max(longest, std::min(takes, task.tolerates));
-    }
+    Nanos longest = std::min(others_[task.unit], task.tolerates);
     for (const Analysed& other : tasks_) {
       if (compete(other, task)) longest = std::max(longest, other.slice);
     }
-    return std::max(longest, Nanos::zero());
+    return longest;
   }
 
   /// From the begin of a busy period, in which the task becomes ready @p into, to its start.
@@ -423,7 +475,7 @@ class Analysis {
     for (const Analysed& other : tasks_) {
       if (other.unit != task.unit) continue;
       // Only those above 0 count.
-      const Nanos first = task.slack + other.late + other.ready - other.slack;
+      const Nanos first = reach_of(task, other);
       for (std::int64_t k = std::max<std::int64_t>(0, first / other.period);
            places.size() < kMostPlaces; ++k) {
         const Nanos place = k * other.period - first;
@@ -462,29 +514,35 @@ class Analysis {
   }
 
   static constexpr std::size_t kMostPlaces = 2000;
-  struct Other {
-    UnitId unit = 0;
-    Nanos takes{0};
-  };
   const Scenario& scenario_;
   const BudgetPlan& plan_;
+  const BudgetPlan& given_;
   std::vector<std::set<std::uint32_t>> before_;  ///< By entry: those that it comes after.
-  std::vector<std::string> obstacles_;           ///< By pipeline: all_obstacles().
-  std::vector<Analysed> all_;                    ///< Of pipelines without one.
-  std::vector<Analysed> tasks_;                  ///< Of these, those that are looked at together.
-  std::vector<bool> keeps_;    ///< By pipeline: its deadline, if others held no unit.
-  std::vector<Other> others_;  ///< Calls of tasks without rate or deadline, on all their units.
+  std::vector<UnitMask> units_;         ///< By pipeline: those of its tasks, if it has a deadline.
+  std::vector<std::string> obstacles_;  ///< By pipeline: why nothing is said of it; empty = it is.
+  std::vector<Analysed> all_;           ///< Of pipelines without one.
+  std::vector<Analysed> tasks_;         ///< Of these, those that are looked at together.
+  std::vector<bool> keeps_;             ///< By pipeline: its deadline, if others held no unit.
+  std::vector<Nanos> others_;  ///< By unit: the longest of a task without rate or deadline.
+  UnitMask sliced_ = 0;        ///< Those where such a task can be suspended.
 };
 
 }  // namespace
 
-void protect(const Scenario& scenario, BudgetPlan& plan) {
-  for (BudgetPlan::Task& task : plan.tasks) task.tolerates.reset();
-  Analysis(scenario, plan).protect(plan);
+bool protect(const Scenario& scenario, BudgetPlan& plan, bool one_at_a_time) {
+  BudgetPlan alone = plan;  // Units without a link may serve one call at a time.
+  for (BudgetPlan::Task& task : alone.tasks) {
+    if (!one_at_a_time) break;
+    for (UnitId unit = 0; unit < task.capacity.size(); ++unit) {
+      if (!scenario.platform.units[unit].link.empty()) continue;
+      task.capacity[unit] = std::min(task.capacity[unit], 1);
+    }
+  }
+  return Analysis(scenario, alone, plan).protect(plan);
 }
 
 std::vector<Guarantee> guarantees_of(const Scenario& scenario, const BudgetPlan& plan) {
-  return Analysis(scenario, plan).run();
+  return Analysis(scenario, plan, plan).run();
 }
 
 }  // namespace pirt

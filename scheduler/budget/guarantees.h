@@ -4,7 +4,7 @@
 // It holds for calls that take no longer than the plan's worst times, on units that serve their
 // tasks alone: one at a time, in the order of budget.cpp, and suspended for more urgent ones at the
 // ends of slices at most. Each task with a deadline is looked at on the unit that the plan gives
-// it.
+// it; where that is a cloud, it has to be back before the robot wants it back (services/recall.h).
 //
 // @source George, Rivierre, Spuri: Preemptive and Non-Preemptive Real-Time UniProcessor Scheduling,
 // INRIA RR-2966, 1996 (a task's response by its place in a busy period, blocking included);
@@ -30,8 +30,12 @@ struct Guarantee {
 };
 
 /// Sets how long what has no rate or no deadline may hold a unit for which guaranteed tasks of the
-/// plan may wait, so that no guarantee is lost by it (BudgetPlan::Task::tolerates).
-void protect(const Scenario& scenario, BudgetPlan& plan);
+/// plan may wait, so that no guarantee is lost by it (BudgetPlan::Task::tolerates). Such a unit
+/// serves one call at a time from then on.
+/// @param plan           Nobody has set that before.
+/// @param one_at_a_time  Else units that serve several calls at a time are left as they are.
+/// @return  Whether one of these units served several calls at a time.
+bool protect(const Scenario& scenario, BudgetPlan& plan, bool one_at_a_time = true);
 
 /// By pipeline; of those with a rate and a deadline. The others have no reason why not.
 [[nodiscard]] std::vector<Guarantee> guarantees_of(const Scenario& scenario,

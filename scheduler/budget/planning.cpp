@@ -3,14 +3,20 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <utility>
 
+#include "scheduler/bounds/bounds.h"
 #include "scheduler/budget/assignment.h"
 #include "scheduler/budget/guarantees.h"
-#include "scheduler/budget/trial.h"
+#include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/planner/mix_plan.h"
 #include "scheduler/planner/shortened.h"
 #include "scheduler/policies/policies.h"
+#include "scheduler/record/keeping_up.h"
+#include "scheduler/record/summary.h"
+#include "scheduler/virtual/virtual_time.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt {
 namespace {
@@ -23,28 +29,124 @@ constexpr double kCandidateTasks = 5000;  ///< Of the run that a candidate is ju
 constexpr double kAlike = 0.003;          ///< Figures that differ by less count as the same.
 /// What may be given away of the objective for the figures behind it, all in all.
 constexpr double kSlack = 0.005;
-constexpr double kPart = 1e-3;  ///< Of a task's calls: less elsewhere is nothing.
-constexpr double kNone = 1e-6;  ///< Of a task's calls: less than this part is none.
+constexpr double kMargin = 1e-6;  ///< By which a least rate is kept.
 
-/// Sets the plan's units, and how long queues may be, by what the programme gives them.
-void take_units(const Assignment& assignment, BudgetPlan& plan) {
-  for (std::size_t entry = 0; entry < plan.tasks.size(); ++entry) {
-    BudgetPlan::Task& task = plan.tasks[entry];
-    const auto& calls = assignment.calls_per_ms[entry];
-    double all = 0;
-    for (const double each : calls) all += each;
-    if (all <= 0) continue;
-    std::ranges::stable_sort(task.units, [&](UnitId a, UnitId b) {
-      return std::lround(calls[a] / all * 1e6) > std::lround(calls[b] / all * 1e6);
-    });
-    // Its rate is more than one unit is for.
-    task.pinned = task.pinned && calls[task.units.front()] > (1 - kPart) * all;
-    if (task.pinned) continue;
-    for (const UnitId unit : task.units) {
-      if (calls[unit] < kNone * all) task.capacity[unit] = 0;
+bool joules_known(const ModeSetup& setup) {
+  return without_joules(setup.scenario, setup.policy_setup.budget) == nullptr;
+}
+
+/// Tasks a second of pipelines with a rate.
+double task_rate(const Mix& mix) {
+  double rate = 0;
+  for (const Pipeline& pipeline : mix.pipelines) {
+    rate += pipeline.rate_hz.value_or(0) * static_cast<double>(pipeline.tasks.size());
+  }
+  return rate;
+}
+
+/// Tasks a millisecond of a mix of rates and closed loops at most; absent where no unit limits it.
+std::optional<double> most_per_ms(const ModeSetup& setup) {
+  const Scenario& run = setup.scenario;
+  const Work work = work_of(run, setup.mode.policy.cloud_use, Taken::kMean);
+  const auto most = most_tasks_per_ms(work);
+  if (!most || !setup.in_flight_given) return most;  // Others are chosen.
+  double in_flight = task_rate(run.mix) / 1e3;       // What the frames in flight let through, too.
+  for (std::size_t p = 0; p < work.pipelines.size(); ++p) {
+    const PipelineWork& pipeline = work.pipelines[p];
+    if (pipeline.per_ms) continue;
+    in_flight +=
+        run.in_flight[p] * static_cast<double>(pipeline.tasks.size()) / critical_path_ms(pipeline);
+  }
+  return std::min(*most, in_flight);
+}
+
+/// The joules are 0 where nobody knows some unit's.
+struct TrialResult : TriedPlan {
+  std::int64_t queued = 0;  ///< Of the late ones, those without a deadline.
+  std::int64_t misses = 0;  ///< Of all deadlines; firings that were dropped, too.
+};
+
+/// Runs so much of the mix in virtual time that about so many tasks complete, with a seed of its
+/// own and the mix's jitter: what a choice would come to.
+class Trial {
+ public:
+  /// @param setup   Of mode budget; must outlive it.
+  /// @param slices  Calls are suspended where their workloads say so, if the setup has that.
+  Trial(const ModeSetup& setup, double tasks, bool slices = true)
+      : setup_(setup), mix_(setup.scenario.mix), joules_known_(joules_known(setup)) {
+    const Scenario& run = setup.scenario;
+    std::optional<double> beside;  // With closed loops beside rates, which go on to the end.
+    if (mix_.open_loop() && std::ranges::max(run.in_flight) > 0) beside = most_per_ms(setup);
+    for (Pipeline& pipeline : mix_.pipelines) {
+      if (pipeline.rate_hz && pipeline.offset < run.duration) {
+        pipeline.offset %= from_s(1 / *pipeline.rate_hz);  // Of the same phase, from the begin on.
+      }
+      if (!pipeline.frames) continue;
+      const auto most = static_cast<std::int64_t>((beside ? 20 : 1) * tasks /
+                                                  static_cast<double>(pipeline.tasks.size()));
+      pipeline.frames =
+          std::clamp<std::int64_t>(*pipeline.frames, 1, std::max<std::int64_t>(1, most));
+    }
+    scenario_.emplace(Scenario{.platform = run.platform,
+                               .mix = mix_,
+                               .services = run.services,
+                               .classes = run.classes,
+                               .in_flight = run.in_flight,
+                               .duration = run.duration,
+                               .seed = derive_seed(run.seed, "trial"),
+                               .slices = run.slices});
+    if (!slices) scenario_->keep_calls_whole();
+    if (mix_.open_loop()) {
+      const double rate = std::max(task_rate(mix_), beside.value_or(0) * 1e3);
+      double seen_s = 0;  // Until all with a deadline have fired.
+      for (const Pipeline& pipeline : mix_.pipelines) {
+        if (!pipeline.rate_hz || !pipeline.deadline || pipeline.offset >= run.duration) continue;
+        seen_s = std::max(seen_s, to_s(pipeline.offset) + 1 / *pipeline.rate_hz);
+      }
+      const double least_s = tasks / rate;
+      const double horizon_s = std::min(std::clamp(seen_s, least_s, 10 * least_s), 60.0);
+      scenario_->duration = std::min(run.duration, from_s(horizon_s));
     }
   }
-}
+
+  TrialResult run(const BudgetChoice& choice) {
+    PolicySetup policy = setup_.policy_setup;
+    policy.budget = choice.plan;
+    for (std::size_t p = 0; p < mix_.pipelines.size(); ++p) {
+      policy.budget.pipelines[p].offset = mix_.pipelines[p].offset;
+    }
+    policy.follows = choice.follows;
+    scenario_->in_flight = choice.in_flight;
+    Dispatcher dispatcher(setup_.slots, setup_.mode.policy.make(policy));
+    const Tally tally = VirtualTime(*scenario_, dispatcher).run();
+    const RunRecord record = summarize(*scenario_, nullptr, {}, tally);
+    tasks_run_ += record.submitted;
+    TrialResult result;
+    result.rate_per_ms = record.throughput_per_ms.value_or(0);
+    result.latency_ms = record.mean_latency_ms.value_or(0);
+    if (joules_known_ && record.energy_j && record.completed > 0) {
+      result.energy_mj = *record.energy_j * 1e3 / static_cast<double>(record.completed);
+    }
+    result.misses = record.stalled;
+    result.queued = real_time_queued(record);
+    result.late = record.stalled + real_time_losses(record) + result.queued;
+    for (const PipelineResult& pipeline : record.pipelines) {
+      if (!pipeline.deadline_ms) continue;
+      result.misses += *pipeline.deadline_misses + pipeline.dropped;
+    }
+    return result;
+  }
+
+  /// Tasks that all runs so far have submitted: what they have taken.
+  [[nodiscard]] std::int64_t tasks_run() const { return tasks_run_; }
+
+ private:
+  const ModeSetup& setup_;
+  Mix mix_;
+  std::optional<Scenario> scenario_;
+  bool joules_known_;
+  std::int64_t tasks_run_ = 0;
+};
 
 /// What is known of some units only cannot be compared: nothing may look free.
 void forget_joules(Work& work) {
@@ -56,24 +158,25 @@ void forget_joules(Work& work) {
 }
 
 /// What counts, most important first; less is better.
-using Keys = std::array<double, 6>;
-constexpr std::size_t kAim = 3;  ///< The objective's own figure, behind what has to be kept.
+using Keys = std::array<double, 7>;
+constexpr std::size_t kAim = 4;  ///< The objective's own figure, behind what has to be kept.
 
 Keys keys(const TrialResult& of, const Goals& goals) {
   const double missing =
       std::max(0.0, 1 - of.rate_per_ms / goals.min_rate_per_ms.value_or(of.rate_per_ms));
-  const auto late = static_cast<double>(of.late);
+  const auto late = static_cast<double>(of.late - of.queued);
+  const auto queued = static_cast<double>(of.queued);
   const auto misses = static_cast<double>(of.misses);
   const double slowness = of.rate_per_ms > 0 ? 1 / of.rate_per_ms : 1e300;
   switch (goals.objective) {
     case Objective::kEnergy:
-      return {late, misses, missing, of.energy_mj, slowness, of.latency_ms};
+      return {late, queued, misses, missing, of.energy_mj, slowness, of.latency_ms};
     case Objective::kLatency:
-      return {late, misses, missing, of.latency_ms, slowness, of.energy_mj};
+      return {late, queued, misses, missing, of.latency_ms, slowness, of.energy_mj};
     case Objective::kRate:
       break;
   }
-  return {late, misses, missing, slowness, of.energy_mj, of.latency_ms};
+  return {late, queued, misses, missing, slowness, of.energy_mj, of.latency_ms};
 }
 
 bool is_better(const Keys& a, const Keys& b) {
@@ -83,10 +186,6 @@ bool is_better(const Keys& a, const Keys& b) {
     if (a[i] > b[i] + alike) return false;
   }
   return false;
-}
-
-bool joules_known(const ModeSetup& setup) {
-  return without_joules(setup.scenario, setup.policy_setup.budget) == nullptr;
 }
 
 /// Nobody can be frugal with joules that nobody knows.
@@ -102,7 +201,6 @@ class Planning {
   Planning(const ModeSetup& setup, const ScheduleOptions& options, Objective objective,
            std::int64_t most_tasks)
       : setup_(setup),
-        options_(options),
         most_tasks_(most_tasks),
         goals_(goals_of(setup, options, objective)),
         trial_(setup, kTrialTasks),
@@ -115,25 +213,28 @@ class Planning {
     if (best_.misses > 0) move_units();
     fit_queues();
     if (goals_.min_rate_per_ms) spare();
-    protect(setup_.scenario, choice_.plan);
+    BudgetPlan several = choice_.plan;
+    // One call at a time may be late where several are not.
+    if (protect(setup_.scenario, choice_.plan) && trial_.run(choice_).misses > best_.misses) {
+      choice_.plan = std::move(several);
+      protect(setup_.scenario, choice_.plan, false);
+    }
     return std::move(choice_);
   }
 
  private:
   void begin() {
     const Scenario& run = setup_.scenario;
-    std::vector<bool> urgent;
-    for (const Pipeline& pipeline : run.mix.pipelines)
-      urgent.push_back(pipeline.deadline.has_value());
+    for (BudgetPlan::Task& task : choice_.plan.tasks) task.tolerates.reset();
     Work work = work_of(run, setup_.mode.policy.cloud_use, Taken::kMean);
     if (!joules_known(setup_)) forget_joules(work);
-    if (const auto assignment = assign(work, urgent, goals_)) take_units(*assignment, choice_.plan);
+    assign(work, goals_, choice_.plan);
     measure_ways(run, choice_.plan);
     choose_in_flight();
   }
 
   [[nodiscard]] bool own_in_flight(std::size_t pipeline) const {
-    return setup_.scenario.mix.pipelines[pipeline].frames && !options_.in_flight;
+    return setup_.scenario.mix.pipelines[pipeline].frames && !setup_.in_flight_given;
   }
 
   /// As many as have room on the units.
@@ -158,7 +259,7 @@ class Planning {
     const auto second = keys(b, goals_);
     // Small losses do not add up.
     if (first[kAim] > least_ * (1 + kSlack) && first[0] == second[0] && first[1] == second[1] &&
-        first[2] >= second[2]) {
+        first[2] == second[2] && first[3] >= second[3]) {
       return false;
     }
     return is_better(first, second);
@@ -202,7 +303,7 @@ class Planning {
     for (bool changed = true; changed && may_try();) {
       changed = false;
       for (std::size_t entry = 0; entry < choice_.plan.tasks.size(); ++entry) {
-        if (choice_.plan.tasks[entry].pinned || !queues_matter(entry)) continue;
+        if (!queues_matter(entry)) continue;
         for (const UnitId unit : std::vector(choice_.plan.tasks[entry].units)) {
           for (const int by : {1, -1}) changed = change_capacity(entry, unit, by) || changed;
         }
@@ -256,17 +357,13 @@ class Planning {
     if (goals_.objective != Objective::kEnergy) return;
     for (std::size_t entry = 0; entry < choice_.plan.tasks.size(); ++entry) {
       if (choice_.plan.tasks[entry].pinned) continue;
-      for (const UnitId unit : dearest_first(entry)) {
+      std::vector<UnitId> units = choice_.plan.tasks[entry].units;  // The dearest first.
+      const auto& window_j = choice_.plan.tasks[entry].window_j;
+      std::ranges::stable_sort(units, std::greater{}, [&](UnitId unit) { return window_j[unit]; });
+      for (const UnitId unit : units) {
         if (choice_.plan.tasks[entry].capacity[unit] > 0) spare_unit(entry, unit);
       }
     }
-  }
-
-  [[nodiscard]] std::vector<UnitId> dearest_first(std::size_t entry) const {
-    std::vector<UnitId> units = choice_.plan.tasks[entry].units;
-    const auto& window_j = choice_.plan.tasks[entry].window_j;
-    std::ranges::stable_sort(units, [&](UnitId a, UnitId b) { return window_j[a] > window_j[b]; });
-    return units;
   }
 
   void spare_unit(std::size_t entry, UnitId unit) {
@@ -279,7 +376,7 @@ class Planning {
       other.plan.tasks[entry].share[unit] = share;
       const TrialResult result = trial_.run(other);
       const bool keeps = result.misses <= best_.misses &&
-                         result.rate_per_ms >= *goals_.min_rate_per_ms * (1 + kNone) &&
+                         result.rate_per_ms >= *goals_.min_rate_per_ms * (1 + kMargin) &&
                          result.energy_mj <= best_.energy_mj;
       (keeps ? enough : too_little) = share;
       if (!keeps) continue;
@@ -289,7 +386,6 @@ class Planning {
   }
 
   const ModeSetup& setup_;
-  const ScheduleOptions& options_;
   std::int64_t most_tasks_;
   Goals goals_;
   Trial trial_;
@@ -314,10 +410,8 @@ Objective objective_of(const ScheduleOptions& options) {
 
 /// What the mode may follow, and what it comes to.
 struct Candidate {
-  std::string name;
   BudgetChoice choice;
-  const PolicyInfo* follows = nullptr;  ///< In place of a plan.
-  TrialResult result = {};
+  TrialResult result;
 };
 
 bool serves_all(const Scenario& scenario, const Policy& policy) {
@@ -334,12 +428,12 @@ std::vector<Candidate> candidates_of(const ModeSetup& setup, const ScheduleOptio
   std::vector<Candidate> candidates;
   Trial trial(setup, kCandidateTasks);
   const auto add_plan = [&](Objective objective, std::int64_t most_tasks) {
-    Candidate each{"plan for " + std::string(to_string(objective)),
-                   Planning(setup, options, objective, most_tasks).run()};
-    const auto same = std::ranges::find(candidates, each.choice, &Candidate::choice);
+    BudgetChoice choice = Planning(setup, options, objective, most_tasks).run();
+    const auto same = std::ranges::find(candidates, choice, &Candidate::choice);
     if (same != candidates.end()) return;
-    each.result = trial.run(each.choice);
-    candidates.push_back(std::move(each));
+    TrialResult result = trial.run(choice);
+    result.name = "plan for " + std::string(to_string(objective));
+    candidates.push_back({std::move(choice), std::move(result)});
   };
   add_plan(objective_of(options), kMostTasks);
   for (const auto objective : {Objective::kRate, Objective::kEnergy, Objective::kLatency}) {
@@ -348,13 +442,11 @@ std::vector<Candidate> candidates_of(const ModeSetup& setup, const ScheduleOptio
   if (options.power_cap_w) return candidates;
   Trial unsliced(setup, kCandidateTasks, false);
   for (const PolicyInfo* basic : {&policy::edf, &policy::ect}) {
-    auto made = basic->make(setup.policy_setup);
-    if (!serves_all(setup.scenario, *made)) continue;
-    Candidate each{std::string(basic->name),
-                   {candidates.front().choice.plan, setup.scenario.in_flight},
-                   basic};
-    each.result = unsliced.run(std::move(made), each.choice.in_flight);
-    candidates.push_back(std::move(each));
+    if (!serves_all(setup.scenario, *basic->make(setup.policy_setup))) continue;
+    BudgetChoice choice{candidates.front().choice.plan, setup.scenario.in_flight, basic};
+    TrialResult result = unsliced.run(choice);
+    result.name = basic->name;
+    candidates.push_back({std::move(choice), std::move(result)});
   }
   return candidates;
 }
@@ -363,8 +455,6 @@ std::vector<Candidate> candidates_of(const ModeSetup& setup, const ScheduleOptio
 
 void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options) {
   if (setup.scenario.mix.fires_once() || setup.policy_setup.follows != nullptr) return;
-  ScheduleOptions same = options;
-  same.in_flight = 1;  // Given: the scenario's are not chosen anew.
   const BudgetPlan& whole = setup.policy_setup.budget;
   std::vector<BudgetPlan> without(setup.scenario.platform.units.size());
   for (UnitId away = 0; away < without.size(); ++away) {
@@ -377,7 +467,8 @@ void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options) {
                     .slots = setup.slots,
                     .policy_setup = setup.policy_setup,
                     .policy = nullptr,
-                    .weights_from = {}};
+                    .weights_from = {},
+                    .in_flight_given = true};
     for (auto& pipeline : other.scenario.classes) {
       for (TaskClass& kind : pipeline) {
         const UnitMask others = kind.eligible & ~unit_bit(away);
@@ -385,7 +476,7 @@ void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options) {
       }
     }
     put_last(other.policy_setup.budget, away);
-    without[away] = Planning(other, same, objective_of(options), kMostTasksBeside).run().plan;
+    without[away] = Planning(other, options, objective_of(options), kMostTasksBeside).run().plan;
   }
   setup.policy_setup.budget_without = std::move(without);
   setup.policy = setup.mode.policy.make(setup.policy_setup);
@@ -398,25 +489,17 @@ PlannedBudget plan_budget(const ModeSetup& setup, const ScheduleOptions& options
   for (Candidate& each : candidates) {
     if (is_better(keys(each.result, goals), keys(best->result, goals))) best = &each;
   }
-  PlannedBudget planned{.choice = std::move(best->choice), .follows = best->follows};
-  for (const Candidate& each : candidates) {
-    planned.tried.push_back({.name = each.name,
-                             .late = each.result.late,
-                             .rate_per_ms = each.result.rate_per_ms,
-                             .latency_ms = each.result.latency_ms,
-                             .energy_mj = each.result.energy_mj,
-                             .taken = &each == best});
-  }
+  best->result.taken = true;
+  PlannedBudget planned{.choice = std::move(best->choice)};
+  for (const Candidate& each : candidates) planned.tried.push_back(each.result);
   return planned;
 }
 
 void follow(const PlannedBudget& planned, ModeSetup& setup) {
   setup.scenario.in_flight = planned.choice.in_flight;
   setup.policy_setup.budget = planned.choice.plan;
-  if (planned.follows != nullptr) {
-    setup.policy_setup.follows = planned.follows;
-    setup.scenario.keep_calls_whole();
-  }
+  setup.policy_setup.follows = planned.choice.follows;
+  if (planned.choice.follows != nullptr) setup.scenario.keep_calls_whole();
   setup.policy = setup.mode.policy.make(setup.policy_setup);
 }
 

@@ -4,23 +4,31 @@
 
 #include <vector>
 
-#include "scheduler/budget/trial.h"
+#include "scheduler/planner/budget_plan.h"
 #include "scheduler/policies/setup.h"
 #include "scheduler/record/run_record.h"
 
 namespace pirt {
 
-/// What mode budget follows: a plan, or a mode that plans nothing.
+/// What is chosen beforehand: a plan, or a mode that plans nothing.
+struct BudgetChoice {
+  BudgetPlan plan;
+  std::vector<int> in_flight;           ///< By pipeline; 0 for open loops.
+  const PolicyInfo* follows = nullptr;  ///< In place of the plan.
+  friend bool operator==(const BudgetChoice&, const BudgetChoice&) = default;
+};
+
+/// What mode budget follows.
 struct PlannedBudget {
   BudgetChoice choice;
-  const PolicyInfo* follows = nullptr;  ///< In place of the plan.
-  std::vector<TriedPlan> tried = {};    ///< It and what it was compared with.
+  std::vector<TriedPlan> tried = {};  ///< It and what it was compared with.
 };
 
 /// Plans for each objective, with frames in flight that nobody gave, and runs these plans, and
 /// modes edf and ect, in virtual time, some thousand tasks each with the mix's jitter and a seed of
-/// its own: what has the fewest late firings of real-time pipelines, and of those the best by the
-/// objective. So much is tried as takes some tens of milliseconds; the same inputs give the same.
+/// its own: what has the fewest late firings of real-time pipelines, then the fewest queued ones,
+/// and of those the best by the objective. So much is tried as takes some tens of milliseconds; the
+/// same inputs give the same.
 /// @param setup  Of mode budget and a mix that does not fire once.
 [[nodiscard]] PlannedBudget plan_budget(const ModeSetup& setup, const ScheduleOptions& options);
 /// @p setup follows it, with its policy made anew.

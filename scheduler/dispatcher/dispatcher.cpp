@@ -48,7 +48,7 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
     if (state == TaskState::kRunning && outcome == Outcome::kCompleted) {
       ++counts_.completed;
       released_.clear();
-      if (tasks_.has_successors(slot)) tasks_.successors(slot, released_);
+      tasks_.successors(slot, released_);
       ties_.leave(slot, true);
       tasks_.remove(slot);
       waiting_.forget_refusals();
@@ -225,7 +225,7 @@ void Dispatcher::put_in_queue(TaskSlot slot, UnitId unit, const UnitsView& shown
   record.state = TaskState::kQueued;
   record.unit = unit;
   units_[unit].queue.insert(tasks_, slot);
-  if (is_urgent(slot)) units_[unit].urgent.insert(by_deadline(slot));
+  if (is_urgent(slot)) units_[unit].urgent.insert(tasks_.by_deadline(slot));
   queued_ |= unit_bit(unit);
 }
 
@@ -282,7 +282,7 @@ void Dispatcher::start(TaskSlot slot, UnitId unit, Effects& out) {
 void Dispatcher::take_from_queue(TaskSlot slot, UnitId unit) {
   TaskList& queue = units_[unit].queue;
   queue.erase(tasks_, slot);
-  if (is_urgent(slot)) units_[unit].urgent.erase(by_deadline(slot));
+  if (is_urgent(slot)) units_[unit].urgent.erase(tasks_.by_deadline(slot));
   if (queue.empty()) queued_ &= ~unit_bit(unit);
 }
 

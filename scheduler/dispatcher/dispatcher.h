@@ -15,7 +15,6 @@
 #include <optional>
 #include <set>
 #include <span>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -149,12 +148,8 @@ class Dispatcher {
   [[nodiscard]] std::size_t known_firings() const { return tasks_.firings(); }
 
  private:
-  using ByDeadline = std::tuple<Nanos, std::uint64_t, TaskSlot>;
-  [[nodiscard]] ByDeadline by_deadline(TaskSlot slot) const {
-    return {tasks_[slot].deadline, tasks_[slot].sequence, slot};
-  }
   [[nodiscard]] bool is_urgent(TaskSlot slot) const {
-    return slices_end_ && tasks_[slot].deadline != Nanos::max();
+    return waiting_.slices_end() && tasks_[slot].deadline != Nanos::max();
   }
   void note_urgent();
   struct Unit {
@@ -166,9 +161,7 @@ class Dispatcher {
   };
   struct Template {
     std::vector<std::uint32_t> class_of;  ///< By task; kNone until it was submitted once.
-    /// Pairs of positions: the second task comes after the first. By the second, rising.
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> after;
-    bool binds = false;  ///< By states and series.
+    bool binds = false;                   ///< By states and series.
   };
   template <typename Body>
   bool take(DispatcherInput input, Nanos now, Effects& out, const Body& body);
@@ -177,12 +170,11 @@ class Dispatcher {
   void add(Slot firing, std::span<const Task> tasks, Template* known, Effects& out);
   void place_added(Effects& out);
   [[nodiscard]] bool are_sound(std::span<const Task> tasks) const;
-  void link(TaskSlot slot, const Task& task);
+  void link(TaskSlot slot, std::span<const TaskId> after);
   void bind(std::span<const Task> tasks);
   void drop_unmet(Effects& out);
   void give_back(TaskSlot slot, UnitId unit, Effects& out);
   void fail(TaskSlot slot, Effects& out);
-  void fail_hopeless(Effects& out);
   void leave_gone(TaskSlot slot);
   void hand_on(UnitId unit);
   void expire(Nanos before, Effects& out) {
@@ -207,7 +199,6 @@ class Dispatcher {
   void suspend(TaskSlot slot, UnitId unit);
   void resume(UnitId unit);
   bool let_in(UnitId unit, Nanos before, Effects& out);
-  [[nodiscard]] bool may_let_in(TaskSlot slot, UnitId unit, Nanos before);
   bool take_in(TaskSlot slot, UnitId unit);
   void resume_suspended(Effects& out);
   void unlink(TaskSlot slot, Whereabouts to);
@@ -227,7 +218,6 @@ class Dispatcher {
   UnitMask idle_ = 0;                ///< Those that are up and have a free slot.
   UnitMask queued_ = 0;              ///< Those with something in their queue.
   UnitMask suspending_ = 0;          ///< Those with tasks that are suspended.
-  bool slices_end_ = false;          ///< Some call has ended a slice.
   std::vector<UnitId> start_order_;  ///< The policy's order, then the units that it does not name.
   TaskStore tasks_;
   Ties ties_{tasks_};

@@ -42,16 +42,13 @@ void Dispatcher::take_news(Effects& out) {
       }
     });
     if (!waiting_.despairs()) break;
-    fail_hopeless(out);  // Others may hold their states now, or have nothing to read.
+    // What waits for units that are gone for good fails. Others may hold its state now, or have
+    // nothing to read.
+    waiting_.take_hopeless([&](TaskSlot slot) {
+      out.ended.push_back({tasks_[slot].id, TaskEnd::kFailed});
+      fail(slot, out);
+    });
   }
-}
-
-/// What waits for units that are gone for good.
-void Dispatcher::fail_hopeless(Effects& out) {
-  waiting_.take_hopeless([&](TaskSlot slot) {
-    out.ended.push_back({tasks_[slot].id, TaskEnd::kFailed});
-    fail(slot, out);
-  });
 }
 
 /// The task has failed, and was running.

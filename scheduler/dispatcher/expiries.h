@@ -2,8 +2,10 @@
 // those that have not completed somewhere are taken back.
 #pragma once
 
+#include <algorithm>
 #include <compare>
 #include <cstdint>
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -18,14 +20,28 @@ class Expiries {
   /// @param watched  Its own mark on those that it watches.
   Expiries(TaskStore& tasks, bool TaskRecord::*watched) : tasks_(tasks), watched_(watched) {}
 
-  void watch(TaskSlot slot, Nanos at);
+  void watch(TaskSlot slot, Nanos at) {
+    tasks_[slot].*watched_ = true;
+    ++live_;
+    heap_.push_back({at, sequence_++, tasks_[slot].id});
+    std::ranges::push_heap(heap_, std::greater{});
+  }
   /// Nothing happens to it any more.
   void forget(TaskSlot slot) {
     if (std::exchange(tasks_[slot].*watched_, false)) --live_;
   }
-  /// Before any of these is asked.
+  /// Before any of these is asked: keeps a live entry at the top, and memory in proportion to the
+  /// tasks that are watched.
   void tidy() {
-    if (!heap_.empty()) drop_stale();
+    if (heap_.empty()) return;
+    if (heap_.size() > 2 * live_ + 64) {
+      std::erase_if(heap_, [this](const Expiry& expiry) { return is_stale(expiry); });
+      std::ranges::make_heap(heap_, std::greater{});
+    }
+    while (!heap_.empty() && is_stale(heap_.front())) {
+      std::ranges::pop_heap(heap_, std::greater{});
+      heap_.pop_back();
+    }
   }
   [[nodiscard]] bool any() const { return !heap_.empty(); }
   /// When the time of the first of them comes; Nanos::max() = never.
@@ -45,7 +61,6 @@ class Expiries {
     const TaskSlot slot = tasks_.find_live(expiry.task);
     return slot == kNoSlot || !(tasks_[slot].*watched_);
   }
-  void drop_stale();
 
   TaskStore& tasks_;
   bool TaskRecord::*watched_;

@@ -18,8 +18,7 @@ void Dispatcher::give_back(TaskSlot slot, UnitId unit, Effects& out) {
   TaskClass kind = waiting_.class_at(slot).kind;
   kind.eligible &= ~(ties.returned_by | gone_);
   if (!recalled) ++ties.returns;
-  const bool fails =
-      ties.returns == kMostTries || kind.eligible == 0 || policy_->takers(kind, kind.eligible) == 0;
+  const bool fails = ties.returns == kMostTries || policy_->takers(kind, kind.eligible) == 0;
   depart(slot, unit, fails ? Whereabouts::nowhere() : Whereabouts::waiting());
   if (fails) {
     out.ended.push_back({tasks_[slot].id, TaskEnd::kFailed});
@@ -39,9 +38,7 @@ void Dispatcher::take_back(TaskSlot slot, Effects& out) {
   TaskClass kind = waiting_.class_at(slot).kind;
   const UnitMask from = ties.recall->from;
   kind.eligible &= ~(from | ties.returned_by | gone_);
-  if (is_over(record.state) || kind.eligible == 0 || policy_->takers(kind, kind.eligible) == 0) {
-    return;
-  }
+  if (is_over(record.state) || policy_->takers(kind, kind.eligible) == 0) return;
   ties.returned_by |= from;  // It goes there no more.
   const bool placed = record.state == TaskState::kRunning || record.state == TaskState::kQueued;
   const bool there = placed && contains(from, record.unit);

@@ -63,14 +63,10 @@ void Dispatcher::add(Slot firing, std::span<const Task> tasks, Template* known, 
   added_.clear();
   doomed_.clear();
   for (const Task& task : tasks) {
-    added_.push_back(tasks_.add(firing));
-    out.submitted.push_back(tasks_[added_.back()].id);
-    if (known == nullptr) link(added_.back(), task);
-  }
-  if (known != nullptr) {
-    for (const auto& [before, behind] : known->after) {
-      tasks_.add_successor(added_[before], added_[behind]);
-    }
+    const TaskSlot slot = added_.emplace_back(tasks_.add(firing));
+    out.submitted.push_back(tasks_[slot].id);
+    if (known == nullptr) link(slot, task.after);
+    for (const std::uint32_t before : task.after_own) tasks_.add_successor(added_[before], slot);
   }
   bool binds = known != nullptr && known->binds;
   for (std::size_t i = 0; i < tasks.size(); ++i) {
@@ -108,10 +104,9 @@ Dispatcher::TemplateId Dispatcher::add_template(std::span<const Task> tasks) {
   if (!are_sound(tasks)) return kNoTemplate;
   Template made;
   made.class_of.assign(tasks.size(), Waiting::kNone);
-  for (std::uint32_t i = 0; i < tasks.size(); ++i) {
-    if (!tasks[i].after.empty()) return kNoTemplate;
-    made.binds = made.binds || is_tied(tasks[i]);
-    for (const std::uint32_t before : tasks[i].after_own) made.after.emplace_back(before, i);
+  for (const Task& task : tasks) {
+    if (!task.after.empty()) return kNoTemplate;
+    made.binds = made.binds || is_tied(task);
   }
   templates_.push_back(std::move(made));
   return static_cast<TemplateId>(templates_.size() - 1);
@@ -133,19 +128,18 @@ void Dispatcher::bind(std::span<const Task> tasks) {
   for (std::size_t i = 0; i < tasks.size(); ++i) ties_.join(added_[i], tasks[i]);
 }
 
-/// To what it comes after.
-void Dispatcher::link(TaskSlot slot, const Task& task) {
-  bool doomed = std::ranges::find(task.after, kNoTask) != task.after.end();
-  const auto follow = [&](TaskSlot predecessor) {
-    if (predecessor == kNoSlot || predecessor == slot) return;  // Itself: a guess at its id.
+/// To what it comes after of earlier submissions.
+void Dispatcher::link(TaskSlot slot, std::span<const TaskId> after) {
+  bool doomed = std::ranges::find(after, kNoTask) != after.end();
+  for (const TaskId id : after) {
+    const TaskSlot predecessor = tasks_.find(id);
+    if (predecessor == kNoSlot || predecessor == slot) continue;  // Itself: a guess at its id.
     if (is_over(tasks_[predecessor].state)) {
       doomed = true;
     } else {
       tasks_.add_successor(predecessor, slot);
     }
-  };
-  for (const TaskId id : task.after) follow(tasks_.find(id));
-  for (const std::uint32_t position : task.after_own) follow(added_[position]);
+  }
   if (doomed) doomed_.push_back(slot);
 }
 

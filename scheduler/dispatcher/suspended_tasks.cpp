@@ -6,12 +6,13 @@
 
 namespace pirt {
 
-/// From now on what waits in queues is looked at by deadline.
+/// From now on what waits is looked at by deadline.
 void Dispatcher::note_urgent() {
-  if (std::exchange(slices_end_, true)) return;
+  if (waiting_.slices_end()) return;
+  waiting_.note_urgent();
   for (Unit& unit : units_) {
     for (TaskSlot slot = unit.queue.front(); slot != kNoSlot; slot = tasks_[slot].next) {
-      if (is_urgent(slot)) unit.urgent.insert(by_deadline(slot));
+      if (is_urgent(slot)) unit.urgent.insert(tasks_.by_deadline(slot));
     }
   }
 }
@@ -35,31 +36,28 @@ void Dispatcher::resume(UnitId unit) {
   note_running(unit);
 }
 
-/// Whether the task is urgent enough. A kernel is not called anew before its call has ended, so
-/// that none of the same workload is let in.
-bool Dispatcher::may_let_in(TaskSlot slot, UnitId unit, Nanos before) {
-  const WorkloadId workload = waiting_.class_at(slot).kind.workload;
-  return tasks_[slot].deadline < before &&
-         std::ranges::none_of(units_[unit].suspended, [&](TaskSlot each) {
-           return waiting_.class_at(each).kind.workload == workload;
-         });
-}
-
 /// Starts what waits for the unit, all of whose tasks are suspended, with the nearest deadline, if
 /// that is before @p before; false if nothing does, or the policy refuses it.
 bool Dispatcher::let_in(UnitId unit, Nanos before, Effects& out) {
   if (!contains(up_, unit)) return false;
   urgent_.clear();
+  // A kernel is not called anew before its call has ended: none of the same workload is let in.
+  const auto workload_of = [this](TaskSlot slot) { return waiting_.class_at(slot).kind.workload; };
   const auto consider = [&](TaskSlot slot) {
-    if (may_let_in(slot, unit, before)) urgent_.push_back(slot);
+    if (tasks_[slot].deadline >= before) return;
+    const auto& suspended = units_[unit].suspended;
+    if (std::ranges::find(suspended, workload_of(slot), workload_of) != suspended.end()) return;
+    urgent_.push_back(slot);
   };
   // Of those in its queue the first that may: no policy is asked for it.
   for (const auto& [deadline, sequence, slot] : units_[unit].urgent) {
     consider(slot);
     if (deadline >= before || !urgent_.empty()) break;
   }
-  waiting_.visit_first_for(unit, consider);
-  std::ranges::sort(urgent_, {}, [this](TaskSlot each) { return by_deadline(each); });
+  waiting_.visit_nearest_for(unit, consider);
+  std::ranges::sort(urgent_, {}, [this](TaskSlot each) { return tasks_.by_deadline(each); });
+  const auto twice = std::ranges::unique(urgent_);  // Of a class that is held and prioritized.
+  urgent_.erase(twice.begin(), twice.end());
   for (const TaskSlot slot : urgent_) {
     if (!take_in(slot, unit)) continue;
     start(slot, unit, out);

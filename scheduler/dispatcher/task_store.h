@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <optional>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -36,6 +37,8 @@ enum class TaskState : std::uint8_t {
 
 using TaskSlot = Slot;
 inline constexpr TaskSlot kDoneSlot = kNoSlot - 1;  ///< Stands for one that completed.
+/// A task among others, the nearest deadline first.
+using ByDeadline = std::tuple<Nanos, std::uint64_t, TaskSlot>;
 
 struct TaskRecord {
   TaskId id = kNoTask;  ///< kNoTask: the slot is free.
@@ -80,6 +83,9 @@ class TaskStore {
  public:
   [[nodiscard]] TaskRecord& operator[](TaskSlot slot) { return records_[slot]; }
   [[nodiscard]] const TaskRecord& operator[](TaskSlot slot) const { return records_[slot]; }
+  [[nodiscard]] ByDeadline by_deadline(TaskSlot slot) const {
+    return {records_[slot].deadline, records_[slot].sequence, slot};
+  }
   /// Those of a task that got some by tie(); a task's are its own from then to its end.
   [[nodiscard]] TaskTies& ties(TaskSlot slot) { return ties_[slot]; }
   TaskTies& tie(TaskSlot slot) {
@@ -166,12 +172,9 @@ class TaskStore {
     add_edge(records_[predecessor].first_edge, successor);
     ++records_[successor].pending;
   }
-  [[nodiscard]] bool has_successors(TaskSlot slot) const {
-    return records_[slot].first_edge != kNoSlot;
-  }
   /// Appends the successors that are still live, in order of submission.
   void successors(TaskSlot slot, std::vector<TaskSlot>& out) const {
-    edges_from(records_[slot].first_edge, out);
+    if (records_[slot].first_edge != kNoSlot) edges_from(records_[slot].first_edge, out);
   }
 
   /// @param reader  Reads what the task makes, if it completes. The task has ties.

@@ -24,6 +24,7 @@ void Waiting::hold(TaskSlot slot) {
   Class& entry = classes_[record.class_index];
   record.state = TaskState::kHeld;
   entry.held.insert(tasks_, slot);
+  note_deadline(entry, slot);
   ++held_count_;
   despair_ = despair_ || entry.hopeless;
   note_holding(record.class_index);
@@ -55,12 +56,14 @@ void Waiting::prioritize(TaskSlot slot) {
   Class& entry = classes_[record.class_index];
   record.state = TaskState::kHighPriority;
   entry.high_priority.insert(tasks_, slot);
+  note_deadline(entry, slot);
   ++high_priority_count_;
   if (!std::exchange(entry.in_prioritized, true)) prioritized_.push_back(record.class_index);
 }
 
 void Waiting::erase(TaskSlot slot) {
   Class& entry = class_at(slot);
+  if (is_urgent(slot)) entry.urgent.erase(tasks_.by_deadline(slot));
   if (tasks_[slot].state == TaskState::kHeld) {
     entry.held.erase(tasks_, slot);
     --held_count_;
@@ -70,11 +73,23 @@ void Waiting::erase(TaskSlot slot) {
   }
 }
 
+void Waiting::note_urgent() {
+  slices_end_ = true;
+  for (Class& entry : classes_) {
+    for (const TaskList* list : {&entry.held, &entry.high_priority}) {
+      for (TaskSlot slot = list->front(); slot != kNoSlot; slot = tasks_[slot].next) {
+        note_deadline(entry, slot);
+      }
+    }
+  }
+}
+
 void Waiting::list_asking() {
   asking_.clear();
   std::erase_if(holding_, [this](std::uint32_t index) {
     Class& entry = classes_[index];
-    entry.refused = is_refused(entry);
+    const bool stands = entry.awaits ? (*entry.awaits & fallen_) == 0 : refusals_stand_;
+    entry.refused = entry.refused && stands && !entry.held.empty();
     entry.in_holding = !entry.held.empty() && !entry.parked;
     if (entry.in_holding && !entry.refused) asking_.push_back(&entry);
     return !entry.in_holding;
@@ -82,21 +97,6 @@ void Waiting::list_asking() {
   refusals_stand_ = true;
   fallen_ = 0;
   std::ranges::make_heap(asking_, Later{tasks_});
-}
-
-/// That with the first task, which is asked for now; null if there is no other.
-Waiting::Class* Waiting::next_asking() {
-  if (asking_.empty()) return nullptr;
-  std::ranges::pop_heap(asking_, Later{tasks_});
-  Class* const first = asking_.back();
-  asking_.pop_back();
-  return first;
-}
-
-void Waiting::ask_again(Class& entry) {
-  if (entry.refused || entry.held.empty()) return;
-  asking_.push_back(&entry);
-  std::ranges::push_heap(asking_, Later{tasks_});
 }
 
 TaskSlot Waiting::find_first_for(UnitId unit) {

@@ -2,9 +2,12 @@
 // high-priority queue. They are kept by class, so that a long backlog costs one question.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <set>
+#include <tuple>
 #include <unordered_map>
 #include <utility>
 #include <vector>
@@ -25,6 +28,9 @@ class Waiting {
     UnitMask takers = 0;  ///< Of the units that are up.
     TaskList held = {};
     TaskList high_priority = {};
+    /// Those of both with a deadline, once calls suspend and where the policy does not rank: ranks
+    /// of one class rise with deadlines.
+    std::set<ByDeadline> urgent = {};
     bool in_holding = false;            ///< It is in holding_,
     bool in_prioritized = false;        ///< and in prioritized_.
     bool refused = false;               ///< For as long as its refusal stands.
@@ -79,12 +85,18 @@ class Waiting {
   void place_held(const Place& place) {
     if (held_count_ == 0) return;
     list_asking();
-    while (Class* first = next_asking()) {
-      const TaskSlot slot = first->held.front();
+    while (!asking_.empty()) {
+      std::ranges::pop_heap(asking_, Later{tasks_});
+      Class& first = *asking_.back();
+      const TaskSlot slot = first.held.front();
       erase(slot);
-      first->refused = !place(slot);
-      if (first->refused) hold(slot);
-      ask_again(*first);
+      first.refused = !place(slot);
+      if (first.refused) hold(slot);
+      if (first.refused || first.held.empty()) {
+        asking_.pop_back();
+      } else {
+        std::ranges::push_heap(asking_, Later{tasks_});
+      }
     }
   }
   /// The first of the high-priority queue that the unit may take; kNoSlot if there is none.
@@ -92,19 +104,23 @@ class Waiting {
     return high_priority_count_ == 0 ? kNoSlot : find_first_for(unit);
   }
 
-  /// The first task of each class that is held, or in the high-priority queue, and that the unit
-  /// may take.
+  /// Some call has ended a slice.
+  [[nodiscard]] bool slices_end() const { return slices_end_; }
+  /// One has, from now on.
+  void note_urgent();
+  /// The task with the nearest deadline of each class that is held, or in the high-priority queue,
+  /// and that the unit may take.
   template <typename Visit>
-  void visit_first_for(UnitId unit, const Visit& visit) {
-    for (const std::uint32_t index : holding_) {
-      Class& entry = classes_[index];
-      if (contains(entry.takers, unit) && !entry.held.empty()) visit(entry.held.front());
-    }
-    for (const std::uint32_t index : prioritized_) {
-      Class& entry = classes_[index];
-      const bool any = contains(entry.takers, unit) && !entry.high_priority.empty();
-      if (any) visit(entry.high_priority.front());
-    }
+  void visit_nearest_for(UnitId unit, const Visit& visit) {
+    const auto visit_of = [&](const std::vector<std::uint32_t>& classes, TaskList Class::*list) {
+      for (const std::uint32_t index : classes) {
+        const Class& entry = classes_[index];
+        if (!contains(entry.takers, unit) || (entry.*list).empty()) continue;
+        visit(entry.urgent.empty() ? (entry.*list).front() : std::get<2>(*entry.urgent.begin()));
+      }
+    };
+    visit_of(holding_, &Class::held);
+    visit_of(prioritized_, &Class::high_priority);
   }
 
   /// Appends the tasks that @p unit could have taken, in no queue from now on.
@@ -136,16 +152,17 @@ class Waiting {
     }
   };
 
+  [[nodiscard]] bool is_urgent(TaskSlot slot) const {
+    const TaskRecord& record = tasks_[slot];
+    return slices_end_ && record.deadline != Nanos::max() && record.rank == Nanos::zero();
+  }
+  void note_deadline(Class& entry, TaskSlot slot) {
+    if (is_urgent(slot)) entry.urgent.insert(tasks_.by_deadline(slot));
+  }
   std::uint32_t find_class(const TaskClass& kind, UnitMask up);
   void wake_parked(std::uint32_t entry);
   void note_holding(std::uint32_t index);
-  [[nodiscard]] bool is_refused(const Class& entry) const {
-    return entry.refused && !entry.held.empty() &&
-           (entry.awaits ? (*entry.awaits & fallen_) == 0 : refusals_stand_);
-  }
   void list_asking();
-  [[nodiscard]] Class* next_asking();
-  void ask_again(Class& entry);
   [[nodiscard]] TaskSlot find_first_for(UnitId unit);
 
   TaskStore& tasks_;
@@ -159,7 +176,8 @@ class Waiting {
   std::vector<std::uint32_t> prioritized_;   ///< The same for the high-priority queue.
   std::vector<Class*> asking_;  ///< Of place_held: a heap, that of the first task on top.
   bool refusals_stand_ = true;  ///< Those that await anything.
-  UnitMask fallen_ = 0;         ///< Units whose load fell since they were asked for.
+  bool slices_end_ = false;
+  UnitMask fallen_ = 0;  ///< Units whose load fell since they were asked for.
   bool despair_ = false;
   std::size_t held_count_ = 0;
   std::size_t high_priority_count_ = 0;

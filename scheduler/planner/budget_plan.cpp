@@ -46,11 +46,14 @@ BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std:
                         .window_j = std::vector<double>(units, 0.0),
                         .slice = std::vector<Nanos>(scenario.slices ? units : 0, Nanos::zero()),
                         .state = scenario.mix.pipelines[pipeline].tasks[position].state};
+  // A real-time task has no use for the cloud while a unit of the robot may serve it.
+  const UnitMask here = kind.eligible & ~cloud_units(platform);
+  const UnitMask usable = kind.real_time && here != 0 ? here : kind.eligible;
   std::vector<std::optional<double>> energy_j(units);
   for (UnitId unit = 0; unit < units; ++unit) {
     if (!contains(kind.eligible, unit)) continue;
     const CallPlan& call = plan.calls[unit];
-    task.units.push_back(unit);
+    if (contains(usable, unit)) task.units.push_back(unit);
     task.capacity[unit] = busy_with(call, platform.units[unit], unit);
     task.prepare[unit] = call.prepares();
     task.worst[unit] = call.takes(Taken::kUsualWorst) - task.prepare[unit];
@@ -62,10 +65,6 @@ BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std:
     task.window_j[unit] = call.window_j();
     energy_j[unit] = call.energy_j(Taken::kMean);
   }
-  // A real-time task has no use for the cloud while a unit of the robot may serve it.
-  const UnitMask cloud = cloud_units(platform);
-  const bool stays = kind.real_time && (kind.eligible & ~cloud) != 0;
-  if (stays) std::erase_if(task.units, [cloud](UnitId unit) { return contains(cloud, unit); });
   const bool known =
       std::ranges::all_of(task.units, [&](UnitId unit) { return energy_j[unit].has_value(); });
   std::ranges::stable_sort(task.units, [&](UnitId a, UnitId b) {
@@ -129,12 +128,10 @@ void measure_ways(const Scenario& scenario, BudgetPlan& plan) {
     const auto& classes = scenario.classes[p];
     for (const TaskClass& kind : classes) plan.tasks[kind.entry].behind = Nanos::zero();
     for (std::size_t t = classes.size(); t-- > 0;) {
-      const BudgetPlan::Task& task = plan.tasks[classes[t].entry];
-      const UnitId unit = task.units.front();
-      const Nanos whole = task.worst[unit] + task.prepare[unit] + task.behind;
+      const Nanos way = plan.tasks[classes[t].entry].way();
       for (const std::size_t each : scenario.mix.pipelines[p].waits_for(t)) {
         BudgetPlan::Task& before = plan.tasks[classes[each].entry];
-        before.behind = std::max(before.behind, whole);
+        before.behind = std::max(before.behind, way);
       }
     }
   }

@@ -40,9 +40,13 @@ struct BudgetPlan {
     [[nodiscard]] Nanos slice_on(UnitId unit) const {
       return slice.empty() ? worst[unit] : slice[unit];
     }
+    /// Until a call with a program that it has to load ends or can be suspended.
+    [[nodiscard]] Nanos holds(UnitId unit) const { return slice_on(unit) + prepare[unit]; }
     [[nodiscard]] bool can_be_suspended(UnitId unit) const { return slice_on(unit) < worst[unit]; }
     /// A call with a program that it has to load.
     [[nodiscard]] Nanos takes(UnitId unit) const { return worst[unit] + prepare[unit]; }
+    /// The longest way from its start, on the first of its units, to the end of its firing.
+    [[nodiscard]] Nanos way() const { return takes(units.front()) + behind; }
     friend bool operator==(const Task&, const Task&) = default;
   };
   /// When a pipeline fires: at offset + n / rate and up to `jitter` later.

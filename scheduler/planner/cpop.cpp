@@ -62,14 +62,10 @@ Plan plan_cpop(const PlanningGraph& graph) {
   for (std::size_t task = 0; task < graph.tasks(); ++task) priorities[task] += downward[task];
   const auto on_path = critical_path(graph, priorities);
   const UnitId critical = path_unit(graph, on_path);
-  PlanBuilder builder(graph);
-  for (ReadyList ready(graph); !ready.empty();) {
-    const std::size_t task = ready.take_highest(priorities);
+  return plan_by_priority(graph, priorities, [&](const PlanBuilder& builder, std::size_t task) {
     const bool pinned = on_path[task] && graph.runs(task, critical);
-    const UnitId unit = pinned ? critical : builder.best_unit(task);
-    builder.place(task, unit, builder.earliest_start(task, unit));
-  }
-  return std::move(builder).finish();
+    return pinned ? critical : builder.best_unit(task);
+  });
 }
 
 }  // namespace

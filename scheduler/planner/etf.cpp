@@ -20,11 +20,10 @@ Plan plan_etf(const PlanningGraph& graph) {
   // Start; level, negated, so that the highest is the least; cost; then the first task and unit.
   using Pair = std::tuple<Nanos, Nanos, Nanos, std::size_t, UnitId>;
   PlanBuilder builder(graph);
-  for (ReadyList ready(graph); !ready.empty();) {
+  while (!builder.ready().empty()) {
     std::optional<Pair> best;
-    for (const std::size_t task : ready.tasks()) {
-      for (UnitId unit = 0; unit < graph.units(); ++unit) {
-        if (!graph.runs(task, unit)) continue;
+    for (const std::size_t task : builder.ready()) {
+      for (const UnitId unit : graph.units_of(task)) {
         const Pair pair(builder.append_start(task, unit), -levels[task], graph.cost(task, unit),
                         task, unit);
         if (!best || pair < *best) best = pair;
@@ -32,7 +31,6 @@ Plan plan_etf(const PlanningGraph& graph) {
     }
     const auto [start, level, cost, task, unit] = *best;
     builder.place(task, unit, start);
-    ready.take(task);
   }
   return std::move(builder).finish();
 }

@@ -27,11 +27,17 @@ PlanningGraph::PlanningGraph(TaskGraph graph) : graph_(std::move(graph)) {
   check();
   in_.resize(tasks());
   out_.resize(tasks());
+  std::vector<std::vector<std::size_t>> predecessors(tasks());
   for (std::size_t e = 0; e < graph_.edges.size(); ++e) {
-    in_[graph_.edges[e].to].push_back(e);
-    out_[graph_.edges[e].from].push_back(e);
+    in_[edge(e).to].push_back(e);
+    out_[edge(e).from].push_back(e);
+    predecessors[edge(e).to].push_back(edge(e).from);
   }
-  sort();
+  auto sorted = dependency_order(predecessors);
+  if (!sorted.cycle.empty()) {
+    throw_bad_input("task graph: " + cycle_text(sorted.cycle, graph_.names));
+  }
+  order_ = std::move(sorted.order);
   average();
 }
 
@@ -70,22 +76,16 @@ void PlanningGraph::check() const {
   }
 }
 
-void PlanningGraph::sort() {
-  std::vector<std::vector<std::size_t>> predecessors(tasks());
-  for (const auto& each : graph_.edges) predecessors[each.to].push_back(each.from);
-  auto sorted = dependency_order(predecessors);
-  if (!sorted.cycle.empty()) {
-    throw_bad_input("task graph: " + cycle_text(sorted.cycle, graph_.names));
-  }
-  order_ = std::move(sorted.order);
-}
-
 void PlanningGraph::average() {
-  for (const auto& row : graph_.costs) {
-    std::vector<Nanos> supported;
-    std::ranges::copy_if(row, std::back_inserter(supported),
-                         [](Nanos cost) { return cost != kUnsupported; });
-    mean_cost_.push_back(rounded_mean(supported));
+  for (std::size_t task = 0; task < tasks(); ++task) {
+    auto& able = units_.emplace_back();
+    std::vector<Nanos> costs;
+    for (UnitId unit = 0; unit < units(); ++unit) {
+      if (!runs(task, unit)) continue;
+      able.push_back(unit);
+      costs.push_back(cost(task, unit));
+    }
+    mean_cost_.push_back(rounded_mean(costs));
   }
   for (const auto& edge : graph_.edges) {
     // Each unit is source, and target, of equally many pairs.

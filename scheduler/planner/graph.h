@@ -36,6 +36,8 @@ class PlanningGraph {
   [[nodiscard]] bool runs(std::size_t task, UnitId unit) const {
     return graph_.costs[task][unit] != kUnsupported;
   }
+  /// That can run it, rising.
+  [[nodiscard]] const std::vector<UnitId>& units_of(std::size_t task) const { return units_[task]; }
   /// Only if runs(task, unit).
   [[nodiscard]] Nanos cost(std::size_t task, UnitId unit) const { return graph_.costs[task][unit]; }
   [[nodiscard]] const GraphEdge& edge(std::size_t edge) const { return graph_.edges[edge]; }
@@ -57,14 +59,14 @@ class PlanningGraph {
 
  private:
   void check() const;
-  void sort();
   void average();
 
   TaskGraph graph_;
   std::vector<std::vector<std::size_t>> in_;  ///< Edges, by task.
   std::vector<std::vector<std::size_t>> out_;
   std::vector<std::size_t> order_;
-  std::vector<Nanos> mean_cost_;  ///< By task: over the units that can run it, rounded.
+  std::vector<std::vector<UnitId>> units_;  ///< By task.
+  std::vector<Nanos> mean_cost_;            ///< By task: over the units that can run it, rounded.
   std::vector<Nanos> mean_transfer_;
 };
 

@@ -24,8 +24,7 @@ std::vector<std::vector<Nanos>> optimistic_costs(const PlanningGraph& graph) {
       for (const std::size_t e : graph.out(*it)) {
         const std::size_t successor = graph.edge(e).to;
         Nanos best = Nanos::max();
-        for (UnitId other = 0; other < graph.units(); ++other) {
-          if (!graph.runs(successor, other)) continue;
+        for (const UnitId other : graph.units_of(successor)) {
           const Nanos moved = other == unit ? Nanos::zero() : graph.mean_transfer(e);
           best = std::min(best, table[successor][other] + graph.cost(successor, other) + moved);
         }
@@ -40,28 +39,20 @@ std::vector<Nanos> ranks_of(const PlanningGraph& graph,
                             const std::vector<std::vector<Nanos>>& table) {
   std::vector<Nanos> ranks;
   for (std::size_t task = 0; task < graph.tasks(); ++task) {
+    const auto& units = graph.units_of(task);
     Nanos sum{0};
-    Nanos::rep count = 0;
-    for (UnitId unit = 0; unit < graph.units(); ++unit) {
-      if (!graph.runs(task, unit)) continue;
-      sum += table[task][unit];
-      ++count;
-    }
-    ranks.push_back(sum / count);
+    for (const UnitId unit : units) sum += table[task][unit];
+    ranks.push_back(sum / static_cast<Nanos::rep>(units.size()));
   }
   return ranks;
 }
 
 Plan plan_peft(const PlanningGraph& graph) {
   const auto table = optimistic_costs(graph);
-  const auto ranks = ranks_of(graph, table);
-  PlanBuilder builder(graph);
-  for (ReadyList ready(graph); !ready.empty();) {
-    const std::size_t task = ready.take_highest(ranks);
-    const UnitId unit = builder.best_unit(task, table[task]);
-    builder.place(task, unit, builder.earliest_start(task, unit));
-  }
-  return std::move(builder).finish();
+  const auto on_best = [&](const PlanBuilder& builder, std::size_t task) {
+    return builder.best_unit(task, table[task]);
+  };
+  return plan_by_priority(graph, ranks_of(graph, table), on_best);
 }
 
 }  // namespace

@@ -2,13 +2,16 @@
 
 #include <algorithm>
 #include <cassert>
-#include <utility>
 
 namespace pirt {
 
 PlanBuilder::PlanBuilder(const PlanningGraph& graph) : graph_(graph) {
   plan_.tasks.resize(graph.tasks());
   plan_.order.resize(graph.units());
+  for (std::size_t task = 0; task < graph.tasks(); ++task) {
+    pending_.push_back(graph.in(task).size());
+    if (pending_.back() == 0) ready_.push_back(task);
+  }
 }
 
 Nanos PlanBuilder::data_ready(std::size_t task, UnitId unit) const {
@@ -43,8 +46,7 @@ Nanos PlanBuilder::append_start(std::size_t task, UnitId unit) const {
 UnitId PlanBuilder::best_unit(std::size_t task, const std::vector<Nanos>& tail) const {
   std::optional<UnitId> best;
   Nanos best_value{0};
-  for (UnitId unit = 0; unit < graph_.units(); ++unit) {
-    if (!graph_.runs(task, unit)) continue;
+  for (const UnitId unit : graph_.units_of(task)) {
     const Nanos value = earliest_start(task, unit) + graph_.cost(task, unit) +
                         (tail.empty() ? Nanos::zero() : tail[unit]);
     if (best && value >= best_value) continue;
@@ -63,19 +65,7 @@ void PlanBuilder::place(std::size_t task, UnitId unit, Nanos start) {
   const auto later = std::ranges::upper_bound(
       order, start, {}, [this](std::size_t each) { return plan_.tasks[each].start; });
   order.insert(later, task);
-}
-
-Plan PlanBuilder::finish() && { return std::move(plan_); }
-
-ReadyList::ReadyList(const PlanningGraph& graph) : graph_(graph) {
-  for (std::size_t task = 0; task < graph.tasks(); ++task) {
-    pending_.push_back(graph.in(task).size());
-    if (pending_.back() == 0) ready_.push_back(task);
-  }
-}
-
-void ReadyList::take(std::size_t task) {
-  ready_.erase(std::ranges::find(ready_, task));
+  ready_.erase(std::ranges::lower_bound(ready_, task));
   for (const std::size_t e : graph_.out(task)) {
     const std::size_t successor = graph_.edge(e).to;
     if (--pending_[successor] == 0) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "scheduler/planner/graph.h"
@@ -29,6 +30,8 @@ class PlanBuilder {
  public:
   explicit PlanBuilder(const PlanningGraph& graph);
 
+  /// Tasks that are not placed, and whose predecessors all are, in the graph's order.
+  [[nodiscard]] const std::vector<std::size_t>& ready() const { return ready_; }
   /// When the task could start on the unit: its data is there, and the unit is idle for as long as
   /// it takes, also between tasks that are placed already (insertion). Only if the unit runs it.
   [[nodiscard]] Nanos earliest_start(std::size_t task, UnitId unit) const;
@@ -38,38 +41,35 @@ class PlanBuilder {
   /// @param tail  By unit; empty = 0.
   [[nodiscard]] UnitId best_unit(std::size_t task, const std::vector<Nanos>& tail = {}) const;
 
+  /// @param task   Of ready().
   /// @param start  Of earliest_start or append_start.
   void place(std::size_t task, UnitId unit, Nanos start);
-  [[nodiscard]] Plan finish() &&;
+  [[nodiscard]] Plan finish() && { return std::move(plan_); }
 
  private:
   [[nodiscard]] Nanos data_ready(std::size_t task, UnitId unit) const;
 
   const PlanningGraph& graph_;
   Plan plan_;
+  std::vector<std::size_t> pending_;  ///< By task: edges from predecessors that are not placed.
+  std::vector<std::size_t> ready_;
 };
 
-/// Tasks whose predecessors are all taken, as list schedulers work through them.
-class ReadyList {
- public:
-  explicit ReadyList(const PlanningGraph& graph);
-  [[nodiscard]] const std::vector<std::size_t>& tasks() const { return ready_; }
-  [[nodiscard]] bool empty() const { return ready_.empty(); }
-  /// Takes @p task out; those that only waited for it are ready.
-  void take(std::size_t task);
-  /// Takes the one with the highest of @p priorities (by task); ties: the first of the graph.
-  template <typename Priority>
-  std::size_t take_highest(const std::vector<Priority>& priorities) {
-    const std::size_t task =
-        *std::ranges::max_element(ready_, {}, [&](std::size_t each) { return priorities[each]; });
-    take(task);
-    return task;
+/// Places ready tasks by falling priority, with insertion; ties: the first of the graph.
+/// @param priorities  By task.
+/// @param unit_of     UnitId(const PlanBuilder&, std::size_t task): where it goes.
+template <typename Priority, typename UnitOf>
+[[nodiscard]] Plan plan_by_priority(const PlanningGraph& graph,
+                                    const std::vector<Priority>& priorities,
+                                    const UnitOf& unit_of) {
+  PlanBuilder builder(graph);
+  while (!builder.ready().empty()) {
+    const std::size_t task = *std::ranges::max_element(
+        builder.ready(), {}, [&](std::size_t each) { return priorities[each]; });
+    const UnitId unit = unit_of(builder, task);
+    builder.place(task, unit, builder.earliest_start(task, unit));
   }
-
- private:
-  const PlanningGraph& graph_;
-  std::vector<std::size_t> pending_;
-  std::vector<std::size_t> ready_;  ///< In the graph's order.
-};
+  return std::move(builder).finish();
+}
 
 }  // namespace pirt

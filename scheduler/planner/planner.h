@@ -17,12 +17,19 @@ struct PlannerInfo {
   Planner plan;
 };
 
-[[nodiscard]] std::span<const PlannerInfo* const> planners();
-
 namespace planner {
 #define PIRT_PLANNER(name) extern const PlannerInfo name;
 #include "scheduler/planner/planners.inc"
 #undef PIRT_PLANNER
 }  // namespace planner
+
+[[nodiscard]] inline std::span<const PlannerInfo* const> planners() {
+  static constexpr const PlannerInfo* all[] = {
+#define PIRT_PLANNER(name) &planner::name,
+#include "scheduler/planner/planners.inc"
+#undef PIRT_PLANNER
+  };
+  return all;
+}
 
 }  // namespace pirt

@@ -1,7 +1,6 @@
 #include "scheduler/planner/shortened.h"
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
 #include "scheduler/planner/planner.h"
@@ -18,13 +17,9 @@ struct Genes {
 };
 
 Plan decode(const PlanningGraph& graph, const Genes& genes) {
-  PlanBuilder builder(graph);
-  for (ReadyList ready(graph); !ready.empty();) {
-    const std::size_t task = ready.take_highest(genes.priority);
-    const UnitId unit = genes.unit[task] ? *genes.unit[task] : builder.best_unit(task);
-    builder.place(task, unit, builder.earliest_start(task, unit));
-  }
-  return std::move(builder).finish();
+  return plan_by_priority(graph, genes.priority, [&](const PlanBuilder& builder, std::size_t task) {
+    return genes.unit[task] ? *genes.unit[task] : builder.best_unit(task);
+  });
 }
 
 /// Those of HEFT.
@@ -77,21 +72,15 @@ class Search {
         case 1:
           std::swap(genes.priority[task], genes.priority[random_.below(graph_.tasks())]);
           break;
-        case 2:
-          genes.unit[task] = any_unit(task);
+        case 2: {
+          const auto& units = graph_.units_of(task);
+          genes.unit[task] = units[random_.below(units.size())];
           break;
+        }
         default:
           genes.unit[task].reset();
       }
     }
-  }
-
-  UnitId any_unit(std::size_t task) {
-    std::vector<UnitId> units;
-    for (UnitId unit = 0; unit < graph_.units(); ++unit) {
-      if (graph_.runs(task, unit)) units.push_back(unit);
-    }
-    return units[random_.below(units.size())];
   }
 
   const PlanningGraph& graph_;

@@ -2,6 +2,7 @@
 // servers and costs; weights play no part.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -31,6 +32,21 @@ class Baseline : public Policy {
 
  private:
   UnitMask usable_;
+};
+
+/// Each task to the unit where a call is least by a figure, whatever its load; ties: the first.
+/// @tparam kFigure  Of a CallCost.
+template <auto kFigure>
+class LeastOf final : public Baseline {
+ public:
+  using Baseline::Baseline;
+
+  Placement place(const TaskClass& task, const UnitsView& units) override {
+    const auto& costs = costs_[task.workload];
+    return on_or_hold(first_best(takers(task, units.up), [&](UnitId a, UnitId b) {
+      return std::invoke(kFigure, *costs[a]) < std::invoke(kFigure, *costs[b]);
+    }));
+  }
 };
 
 }  // namespace pirt

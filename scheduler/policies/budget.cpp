@@ -18,6 +18,7 @@
 // With no plan from budget/, as in a runtime that knows no mix, the cheapest unit that has room
 // serves a task. A mix that fires once follows a static plan (planned.cpp).
 #include <algorithm>
+#include <numeric>
 #include <optional>
 
 #include "scheduler/policies/foresight.h"
@@ -39,16 +40,16 @@ class BudgetPolicy final : public Policy {
         plan_(whole_),
         servers_(setup.servers),
         foresight_(plan_),
-        calls_(plan_.tasks.size()),
+        calls_(plan_.tasks.size(), std::vector<std::int64_t>(setup.servers.size(), 0)),
         holds_(setup.servers.size()) {
     if (plan_.window_j) window_.emplace(*plan_.window_j);
-    for (Calls& each : calls_) each.by_unit.resize(setup.servers.size(), 0);
   }
 
   Nanos rank(const Task& task) override {
     foresight_.submitted(task);
     if (!task.deadline) return task.kind.real_time ? kRealTime : kRest;
-    return *task.deadline - margin(task.kind.entry);
+    // Whoever is away, so that ranks of one entry compare.
+    return *task.deadline - whole_.tasks[task.kind.entry].way();
   }
 
   void units_changed(UnitMask up) override {
@@ -85,22 +86,9 @@ class BudgetPolicy final : public Policy {
   [[nodiscard]] std::int64_t over_cap() const override { return over_cap_; }
 
  private:
-  /// Between a task's latest start and its firing's deadline; whoever is away, so that ranks of one
-  /// entry compare.
-  [[nodiscard]] Nanos margin(std::uint32_t entry) const {
-    const BudgetPlan::Task& planned = whole_.tasks[entry];
-    return planned.behind + planned.takes(planned.units.front());
-  }
-
-  struct Calls {
-    std::int64_t all = 0;
-    std::vector<std::int64_t> by_unit;
-  };
-
   void note_placed(std::uint32_t entry, UnitId unit, Nanos now) {
     const BudgetPlan::Task& planned = plan_.tasks[entry];
-    ++calls_[entry].all;
-    ++calls_[entry].by_unit[unit];
+    ++calls_[entry][unit];
     holds_[unit] = planned.context[unit];
     if (!window_) return;
     if (!window_->allows(planned.window_j[unit], now)) ++over_cap_;
@@ -114,9 +102,9 @@ class BudgetPolicy final : public Policy {
     if (share >= 1 || std::ranges::all_of(units.load, [](int load) { return load == 0; })) {
       return true;
     }
-    const Calls& calls = calls_[task.entry];
-    return static_cast<double>(calls.by_unit[unit] + 1) <=
-           share * static_cast<double>(calls.all + 1) + 1;
+    const auto& calls = calls_[task.entry];
+    const std::int64_t all = std::reduce(calls.begin(), calls.end());
+    return static_cast<double>(calls[unit] + 1) <= share * static_cast<double>(all + 1) + 1;
   }
 
   /// Nothing speaks against starting the task there now, except what is said of capacities.
@@ -158,8 +146,7 @@ class BudgetPolicy final : public Policy {
       const bool has_room = units.load[unit] < capacity;
       if (has_room && has_share(task, unit, units) && may_start(task, unit, units)) {
         if (is_warm(task, unit)) {
-          return cold && planned.worst[unit] > planned.worst[*cold] + planned.prepare[*cold] ? cold
-                                                                                             : unit;
+          return cold && planned.worst[unit] > planned.takes(*cold) ? cold : unit;
         }
         if (!cold) cold = unit;
       }
@@ -174,7 +161,7 @@ class BudgetPolicy final : public Policy {
   std::vector<int> servers_;
   Foresight foresight_;
   std::optional<PowerWindow> window_;
-  std::vector<Calls> calls_;                         ///< By entry.
+  std::vector<std::vector<std::int64_t>> calls_;     ///< [entry][unit]: placed so far.
   std::vector<std::optional<std::uint32_t>> holds_;  ///< By unit: the program of what it was given.
   Nanos ask_again_ = Nanos::max();
   std::int64_t over_cap_ = 0;

@@ -4,21 +4,18 @@
 #include <bit>
 #include <utility>
 
-#include "scheduler/policies/unit_order.h"
-
 namespace pirt {
 
 CompletionEstimate::CompletionEstimate(const PolicySetup& setup)
-    : local_(local_units(setup.roles)), costs_(setup.costs), earliest_(setup.servers.size()) {
-  for (const int servers : setup.servers) {
+    : Baseline(setup), earliest_(setup.servers.size()) {
+  for (const int servers : servers_) {
     accounts_.emplace_back().idle_at.resize(static_cast<std::size_t>(servers), Nanos::zero());
   }
   for (const auto& row : costs_) {
     auto& counts = in_service_.emplace_back();
     for (std::size_t unit = 0; unit < row.size(); ++unit) {
       counts.push_back(
-          row[unit] ? calls_in_service(setup.servers[unit], row[unit]->total, row[unit]->occupied)
-                    : 0);
+          row[unit] ? calls_in_service(servers_[unit], row[unit]->total, row[unit]->occupied) : 0);
       totals_.push_back(row[unit] ? row[unit]->total : Nanos::zero());
     }
   }
@@ -28,7 +25,7 @@ std::optional<UnitId> CompletionEstimate::best_unit(const TaskClass& task, const
   std::optional<UnitId> best;
   Nanos first_end = Nanos::max();
   const Nanos* const totals = &totals_[task.workload * accounts_.size()];
-  for (UnitMask mask = task.eligible & units.up & local_; mask != 0; mask &= mask - 1) {
+  for (UnitMask mask = Baseline::takers(task, units.up); mask != 0; mask &= mask - 1) {
     const auto unit = static_cast<UnitId>(std::countr_zero(mask));
     if (earliest_begin(unit, units) + totals[unit] >= first_end) continue;
     const Nanos end = completion(task, unit, units);

@@ -1,6 +1,6 @@
 // When a unit is expected to end a task, by the services' mean times and what it was given before.
 //
-// The dispatcher knows no durations, so a policy that asks for them keeps this account: for each
+// The dispatcher knows no durations, so policies that ask for them keep this account: for each
 // server of a unit when it will be idle. It corrects itself by the load that the dispatcher shows:
 // a unit with fewer tasks than servers has an idle one, and what remains to be done on it is no
 // less than the work of the tasks that have to wait, and no more than that of all that it was given
@@ -12,13 +12,21 @@
 #include <optional>
 #include <vector>
 
-#include "scheduler/policies/policy.h"
+#include "scheduler/policies/baseline.h"
 
 namespace pirt {
 
-class CompletionEstimate {
+/// As a policy it is ect.
+class CompletionEstimate : public Baseline {
  public:
   explicit CompletionEstimate(const PolicySetup& setup);
+
+  Placement place(const TaskClass& task, const UnitsView& units) override {
+    return on_or_hold(best_unit(task, units));
+  }
+  void moved(const MovedTask& task, Whereabouts, Whereabouts to, const UnitsView& units) override {
+    if (to.is_placed()) add(task.kind, to.unit, units);
+  }
 
   /// Of the units that may serve the task, are up and are no cloud: the one that is expected to end
   /// it first; ties: the first. Absent if there is none.
@@ -73,8 +81,6 @@ class CompletionEstimate {
   [[nodiscard]] std::optional<Nanos> corrected_idle(const TaskClass& task, UnitId unit,
                                                     const UnitsView& units) const;
 
-  UnitMask local_;
-  CostTable costs_;
   /// By workload and unit: the least number of tasks that keeps all servers busy; more than these
   /// have to wait.
   std::vector<std::vector<std::int64_t>> in_service_;

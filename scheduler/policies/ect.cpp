@@ -3,36 +3,16 @@
 //
 // Source: minimum completion time of Maheswaran, Ali, Siegel, Hensgen, Freund: Dynamic Mapping of a
 // Class of Independent Tasks onto Heterogeneous Computing Systems, JPDC 59(2), 1999.
-#include "scheduler/policies/baseline.h"
 #include "scheduler/policies/completion_estimate.h"
 #include "scheduler/policies/policies.h"
 
 namespace pirt {
-namespace {
-
-class EctPolicy final : public Baseline {
- public:
-  explicit EctPolicy(const PolicySetup& setup) : Baseline(setup), estimate_(setup) {}
-
-  Placement place(const TaskClass& task, const UnitsView& units) override {
-    return on_or_hold(estimate_.best_unit(task, units));
-  }
-
-  void moved(const MovedTask& task, Whereabouts, Whereabouts to, const UnitsView& units) override {
-    if (to.is_placed()) estimate_.add(task.kind, to.unit, units);
-  }
-
- private:
-  CompletionEstimate estimate_;
-};
-
-}  // namespace
 
 constinit const PolicyInfo policy::ect = {
     .name = "ect",
     .description =
         "Baseline, earliest completion time: the unit that is expected to end the task first",
-    .make = make_policy<EctPolicy>,
+    .make = make_policy<CompletionEstimate>,
 };
 
 }  // namespace pirt

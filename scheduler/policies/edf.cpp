@@ -5,32 +5,24 @@
 //
 // Source: Liu, Layland: Scheduling Algorithms for Multiprogramming in a Hard-Real-Time Environment,
 // JACM 20(1), 1973; the choice of the unit is this project's.
-#include "scheduler/policies/baseline.h"
 #include "scheduler/policies/completion_estimate.h"
 #include "scheduler/policies/policies.h"
 
 namespace pirt {
 namespace {
 
-class EdfPolicy final : public Baseline {
+class EdfPolicy final : public CompletionEstimate {
  public:
-  explicit EdfPolicy(const PolicySetup& setup) : Baseline(setup), estimate_(setup) {}
+  using CompletionEstimate::CompletionEstimate;
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
-    const auto best = estimate_.best_unit(task, units);
+    const auto best = best_unit(task, units);
     if (!best) return Placement::hold_for(0);
-    if (!estimate_.has_room(task, *best, units)) return Placement::hold();
+    if (!has_room(task, *best, units)) return Placement::hold();
     return Placement::on(*best);
   }
 
-  void moved(const MovedTask& task, Whereabouts, Whereabouts to, const UnitsView& units) override {
-    if (to.is_placed()) estimate_.add(task.kind, to.unit, units);
-  }
-
   Nanos rank(const Task& task) override { return task.deadline.value_or(Nanos::max()); }
-
- private:
-  CompletionEstimate estimate_;
 };
 
 }  // namespace

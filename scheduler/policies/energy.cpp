@@ -4,19 +4,16 @@
 //     if      Qd < Wd : to DSP; Qd++
 //     else if Qg < Wg : to GPU; Qg++
 //     else if Qc < Wc : to CPU; Qc++
-//     else            : to DSP; Qd++      (only with the literal overflow; see queue_filling.h)
+//     else            : to DSP; Qd++      (only with the literal overflow; see weighted.h)
 #include "scheduler/policies/policies.h"
-#include "scheduler/policies/queue_filling.h"
-#include "scheduler/policies/unit_order.h"
+#include "scheduler/policies/weighted.h"
 
 namespace pirt {
 
 constinit const PolicyInfo policy::energy = {
     .name = "energy",
     .description = "Algorithm 3: fills the DSP's queue first, then the GPU's, then the CPU's",
-    .make = [](const PolicySetup& setup) -> std::unique_ptr<Policy> {
-      return std::make_unique<QueueFillingPolicy>(setup, kEnergyOrder, Role::kDsp);
-    },
+    .make = make_policy<QueueFillingPolicy<kEnergyOrder, Role::kDsp>>,
     .rule = WeightRule::kQueue,
     .overflows = true,
     .without_joules = "goes by the units' roles alone, as Algorithm 3 does",

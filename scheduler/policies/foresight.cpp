@@ -96,19 +96,23 @@ void Foresight::skip_missing(std::size_t pipeline, Nanos now) {
   }
 }
 
-/// Of those that wait, or of firings that come.
+/// When the @p place-th of the firings that come fires, at the earliest. Absent: no such comes.
+std::optional<Nanos> Foresight::coming(std::size_t pipeline, std::size_t place, Nanos now) const {
+  if (!comes(pipeline)) return std::nullopt;
+  const std::int64_t number = streams_[pipeline].next + static_cast<std::int64_t>(place);
+  return std::max(now, nominal(pipeline, number));
+}
+
+/// Of those that wait, and then of firings that come.
 std::optional<Foresight::Demand> Foresight::demand(std::uint32_t entry, std::size_t place,
-                                                   bool waits, Nanos now) const {
+                                                   Nanos now) const {
   const BudgetPlan::Task& task = plan_.tasks[entry];
+  const std::size_t waiting = std::min(waiting_[entry].size(), kLooksAt);
   // That it may have to wait for what it comes after is left out: it would be needed no earlier.
-  if (waits && place < std::min(waiting_[entry].size(), kLooksAt)) {
-    return Demand{waiting_[entry][place] - task.behind, now, entry, place, true};
-  }
-  const std::size_t number = waits ? static_cast<std::size_t>(streams_[task.pipeline].next) : place;
-  if (!comes(task.pipeline)) return std::nullopt;
-  const Nanos at = std::max(now, nominal(task.pipeline, static_cast<std::int64_t>(number)));
-  return Demand{at + *plan_.pipelines[task.pipeline].deadline - task.behind, at, entry, number,
-                false};
+  if (place < waiting) return Demand{waiting_[entry][place] - task.behind, now, entry, place};
+  const auto at = coming(task.pipeline, place - waiting, now);
+  if (!at) return std::nullopt;
+  return Demand{*at + *plan_.pipelines[task.pipeline].deadline - task.behind, *at, entry, place};
 }
 
 std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos now) {
@@ -130,16 +134,16 @@ std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos
     if (comes(pipeline) && nominal(pipeline, streams_[pipeline].next) < now + takes) {
       ask_again = std::min(ask_again, missing(pipeline));
     }
-    if (const auto first = demand(each, each == entry ? 1 : 0, true, now)) {
-      demands_.push_back(*first);
-    }
+    // Of its own the most urgent is the one that asks.
+    const std::size_t own = each == entry && !waiting_[each].empty() ? 1 : 0;
+    if (const auto first = demand(each, own, now)) demands_.push_back(*first);
   }
   std::ranges::make_heap(demands_, later);
   // What can be left goes on while nothing more urgent is there, and holds the unit for a slice.
   const bool sliced = asking.can_be_suspended(unit);
   const Nanos slice = asking.slice_on(unit);
   Nanos free = now;  // Without the task, and behind it, or what it holds the unit for.
-  Nanos free_behind = now + (sliced ? slice + asking.prepare[unit] : takes);
+  Nanos free_behind = now + (sliced ? asking.holds(unit) : takes);
   Nanos ends = now + takes;  // The task, which what is let in puts off.
   Nanos urgent{0};
   bool late = false;
@@ -149,7 +153,7 @@ std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos
     demands_.pop_back();
     if (each.latest_end >= own_end) break;
     if (each.ready >= std::max(ends, free_behind)) continue;  // Nor do later ones meet the task.
-    if (const auto next = demand(each.entry, each.place + 1, each.waits, now)) {
+    if (const auto next = demand(each.entry, each.place + 1, now)) {
       demands_.push_back(*next);
       std::ranges::push_heap(demands_, later);
     }
@@ -180,17 +184,6 @@ std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos
   return ask_again;
 }
 
-/// Of the tasks of the entry that are to be placed, and then of those that come: when the @p
-/// place-th fires, at the earliest. Absent: no such comes.
-std::optional<Nanos> Foresight::firing(std::uint32_t entry, std::size_t place, Nanos now) const {
-  const std::size_t pipeline = plan_.tasks[entry].pipeline;
-  const auto& waiting = waiting_[entry];
-  if (place < waiting.size()) return waiting[place] - *plan_.pipelines[pipeline].deadline;
-  if (!comes(pipeline)) return std::nullopt;
-  const auto more = static_cast<std::int64_t>(place - waiting.size());
-  return std::max(now, nominal(pipeline, streams_[pipeline].next + more));
-}
-
 /// What other tasks with a deadline than those of @p entry need of the unit that may fire before
 /// @p until.
 Nanos Foresight::needed_beside(std::uint32_t entry, UnitId unit, Nanos now, Nanos until) const {
@@ -198,12 +191,10 @@ Nanos Foresight::needed_beside(std::uint32_t entry, UnitId unit, Nanos now, Nano
   for (const std::uint32_t each : on_[unit]) {
     if (each == entry) continue;
     const BudgetPlan::Task& task = plan_.tasks[each];
-    const std::size_t pipeline = task.pipeline;
     auto calls = static_cast<std::int64_t>(waiting_[each].size());
-    if (comes(pipeline)) {
-      const Nanos first = std::max(now, nominal(pipeline, streams_[pipeline].next));
-      const double period_s = 1 / *plan_.pipelines[pipeline].rate_hz;
-      if (first < until) calls += 1 + static_cast<std::int64_t>(to_s(until - first) / period_s);
+    if (const auto first = coming(task.pipeline, 0, now); first && *first < until) {
+      const double period_s = 1 / *plan_.pipelines[task.pipeline].rate_hz;
+      calls += 1 + static_cast<std::int64_t>(to_s(until - *first) / period_s);
     }
     sum += calls * task.takes(unit);
   }
@@ -221,21 +212,22 @@ std::optional<Nanos> Foresight::breaks_guarantee(const BudgetPlan::Task& asking,
   constexpr std::size_t kMostFirings = 50;
   const bool sliced = asking.can_be_suspended(unit);
   const Nanos alone = now + asking.takes(unit);
-  const Nanos holds = asking.slice_on(unit) + asking.prepare[unit];
   bool breaks = false;
   Nanos again = Nanos::max();
   for (const std::uint32_t each : on_[unit]) {
     const BudgetPlan::Task& task = plan_.tasks[each];
-    if (!task.tolerates || (sliced && holds <= *task.tolerates)) continue;
-    if (waiting_[each].empty() && comes(task.pipeline)) {
-      again = std::min(again, missing(task.pipeline));
-    }
+    if (!task.tolerates || (sliced && asking.holds(unit) <= *task.tolerates)) continue;
+    const BudgetPlan::Arrivals& arrivals = plan_.pipelines[task.pipeline];
+    const auto& waiting = waiting_[each];
+    if (waiting.empty() && comes(task.pipeline)) again = std::min(again, missing(task.pipeline));
     for (std::size_t place = 0; !breaks && place < kMostFirings; ++place) {
-      const auto fires = firing(each, place, now);
+      const auto fires = place < waiting.size()
+                             ? std::optional(waiting[place] - *arrivals.deadline)
+                             : coming(task.pipeline, place - waiting.size(), now);
       if (!fires) break;
       Nanos ends = alone;
       if (sliced) {
-        const Nanos late = plan_.pipelines[task.pipeline].jitter + task.ready + Nanos(1);
+        const Nanos late = arrivals.jitter + task.ready + Nanos(1);
         ends += needed_beside(each, unit, now, *fires + late) +
                 static_cast<std::int64_t>(place) * task.takes(unit);
       }

@@ -47,8 +47,7 @@ class Foresight {
     Nanos latest_end{0};
     Nanos ready{0};
     std::uint32_t entry = 0;
-    std::size_t place = 0;  ///< Among those that wait; then the number of the firing that comes.
-    bool waits = false;
+    std::size_t place = 0;  ///< Among those that wait and then those that come.
   };
   struct Stream {
     std::int64_t next = 0;    ///< Number of the firing that comes next.
@@ -61,11 +60,11 @@ class Foresight {
   }
   [[nodiscard]] Nanos nominal(std::size_t pipeline, std::int64_t number) const;
   [[nodiscard]] Nanos missing(std::size_t pipeline) const;
-  [[nodiscard]] std::optional<Demand> demand(std::uint32_t entry, std::size_t place, bool waits,
+  [[nodiscard]] std::optional<Demand> demand(std::uint32_t entry, std::size_t place,
                                              Nanos now) const;
   [[nodiscard]] std::optional<Nanos> breaks_guarantee(const BudgetPlan::Task& asking, UnitId unit,
                                                       Nanos now) const;
-  [[nodiscard]] std::optional<Nanos> firing(std::uint32_t entry, std::size_t place,
+  [[nodiscard]] std::optional<Nanos> coming(std::size_t pipeline, std::size_t place,
                                             Nanos now) const;
   [[nodiscard]] Nanos needed_beside(std::uint32_t entry, UnitId unit, Nanos now, Nanos until) const;
 

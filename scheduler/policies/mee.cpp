@@ -8,26 +8,16 @@
 namespace pirt {
 namespace {
 
-class MeePolicy final : public Baseline {
- public:
-  using Baseline::Baseline;
-
-  Placement place(const TaskClass& task, const UnitsView& units) override {
-    const auto joules = [&](UnitId unit) {
-      return costs_[task.workload][unit]->energy_j.value_or(
-          std::numeric_limits<double>::infinity());
-    };
-    return on_or_hold(first_best(takers(task, units.up),
-                                 [&](UnitId a, UnitId b) { return joules(a) < joules(b); }));
-  }
-};
+double joules(const CallCost& cost) {
+  return cost.energy_j.value_or(std::numeric_limits<double>::infinity());
+}
 
 }  // namespace
 
 constinit const PolicyInfo policy::mee = {
     .name = "mee",
     .description = "Baseline, minimum energy execution: the unit that takes the fewest joules",
-    .make = make_policy<MeePolicy>,
+    .make = make_policy<LeastOf<joules>>,
     .without_joules = "takes such a unit where no other can serve",
 };
 

@@ -9,27 +9,12 @@
 #include "scheduler/policies/policies.h"
 
 namespace pirt {
-namespace {
-
-class MetPolicy final : public Baseline {
- public:
-  using Baseline::Baseline;
-
-  Placement place(const TaskClass& task, const UnitsView& units) override {
-    const auto& costs = costs_[task.workload];
-    return on_or_hold(first_best(takers(task, units.up), [&](UnitId a, UnitId b) {
-      return costs[a]->total < costs[b]->total;
-    }));
-  }
-};
-
-}  // namespace
 
 constinit const PolicyInfo policy::met = {
     .name = "met",
     .description =
         "Baseline, minimum execution time: the fastest unit for the workload, whatever its load",
-    .make = make_policy<MetPolicy>,
+    .make = make_policy<LeastOf<&CallCost::total>>,
 };
 
 }  // namespace pirt

@@ -23,6 +23,16 @@ bool is_basic(const PolicyInfo& info) {
   return !info.has_basic() && info.planner == nullptr && !info.budgets;
 }
 
+/// @param is  bool(const PolicyInfo&).
+template <typename Is>
+std::vector<std::string> names_where(const Is& is) {
+  std::vector<std::string> names;
+  for (const PolicyInfo& policy : policies()) {
+    if (is(policy)) names.emplace_back(policy.name);
+  }
+  return names;
+}
+
 }  // namespace
 
 std::span<const PolicyInfo> policies() {
@@ -31,15 +41,11 @@ std::span<const PolicyInfo> policies() {
 }
 
 std::vector<std::string> policy_names() {
-  std::vector<std::string> names;
-  for (const auto& policy : policies()) names.emplace_back(policy.name);
-  return names;
+  return names_where([](const PolicyInfo&) { return true; });
 }
 
 std::vector<std::string> runtime_policy_names() {
-  std::vector<std::string> names = policy_names();
-  std::erase_if(names, [](const auto& name) { return find_policy(name).planner != nullptr; });
-  return names;
+  return names_where([](const PolicyInfo& policy) { return policy.planner == nullptr; });
 }
 
 const PolicyInfo& find_policy(std::string_view name) {
@@ -67,11 +73,8 @@ Mode find_mode(std::string_view name, std::string_view basic) {
 const PolicyInfo& find_basic_policy(std::string_view name) {
   const PolicyInfo& policy = find_policy(name);
   if (is_basic(policy)) return policy;
-  std::vector<std::string> basic;
-  for (const auto& info : policies()) {
-    if (is_basic(info)) basic.emplace_back(info.name);
-  }
-  throw_bad_input(std::string(name) + " is not a basic scheduler; those are " + join(basic, ", "));
+  throw_bad_input(std::string(name) + " is not a basic scheduler; those are " +
+                  join(names_where(is_basic), ", "));
 }
 
 }  // namespace pirt

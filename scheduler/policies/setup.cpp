@@ -19,14 +19,12 @@
 namespace pirt {
 namespace {
 
-/// The platform's defaults for the mode; those of its basic scheduler where the platform has none
-/// for advanced.
-struct Defaults {
-  const ModeDefaults* mode = nullptr;  ///< Null if there are none.
-  std::string_view name;
-};
+/// Of a platform: a mode's name, and what goes for it.
+using Defaults = std::map<std::string, ModeDefaults>::value_type;
 
-Defaults defaults_of(const Platform& platform, const Mode& mode) {
+/// The platform's defaults for the mode; those of its basic scheduler where the platform has none
+/// for advanced. Null if there are none.
+const Defaults* defaults_of(const Platform& platform, const Mode& mode) {
   const auto known = policy_names();
   for (const auto& [name, defaults] : platform.modes) {
     if (std::ranges::find(known, name) == known.end()) {
@@ -36,9 +34,9 @@ Defaults defaults_of(const Platform& platform, const Mode& mode) {
   }
   for (const std::string_view name : {mode.policy.name, mode.weighed().name}) {
     const auto found = platform.modes.find(std::string(name));
-    if (found != platform.modes.end()) return {&found->second, name};
+    if (found != platform.modes.end()) return &*found;
   }
-  return {};
+  return nullptr;
 }
 
 /// Weights, and where they come from; both empty for modes without.
@@ -48,32 +46,30 @@ struct ChosenWeights {
 };
 
 ChosenWeights choose_weights(const Scenario& scenario, const ScheduleOptions& options,
-                             const Mode& mode, const Defaults& defaults) {
+                             const Mode& mode, const Defaults* defaults) {
   const Platform& platform = scenario.platform;
   const WeightRule rule = mode.weighed().rule;
-  const std::string in_platform =
-      "platform " + platform.name + ": modes." + std::string(defaults.name) + ".weights";
-  const bool platform_has = defaults.mode != nullptr && !defaults.mode->weights.empty();
+  const bool platform_has = defaults != nullptr && !defaults->second.weights.empty();
+  const std::string where =
+      platform_has ? "platform " + platform.name + ": modes." + defaults->first + ".weights"
+                   : "--weights";
   if (rule == WeightRule::kNone) {
     if (options.weights.empty() && !platform_has) return {};
-    throw_bad_input((platform_has ? in_platform : std::string("--weights")) + ": mode " +
-                    std::string(mode.weighed().name) + " has no weights; leave them out");
+    throw_bad_input(where + ": mode " + std::string(mode.weighed().name) +
+                    " has no weights; leave them out");
   }
   if (!options.weights.empty()) {
     return {given_weights(options.weights, platform, scenario.services, "--weights"), "given"};
   }
   if (platform_has) {
-    return {given_weights(defaults.mode->weights, platform, scenario.services, in_platform),
+    return {given_weights(defaults->second.weights, platform, scenario.services, where),
             "platform"};
   }
   return {derive_weights(rule, platform, scenario.services), "derived"};
 }
 
 /// By pipeline; 0 for open loops.
-std::vector<int> choose_in_flight(const Scenario& scenario, const ScheduleOptions& options,
-                                  const Defaults& defaults) {
-  std::optional<int> given = options.in_flight;
-  if (!given && defaults.mode != nullptr) given = defaults.mode->in_flight;
+std::vector<int> choose_in_flight(const Scenario& scenario, std::optional<int> given) {
   std::vector<int> in_flight;
   for (std::size_t p = 0; p < scenario.mix.pipelines.size(); ++p) {
     const bool closed = scenario.mix.pipelines[p].frames.has_value();
@@ -222,7 +218,7 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
   const Mode mode = find_mode(options.mode, options.basic);
   check_options(platform, mix, options, mode);
   check_budget(platform, mix, options, mode);
-  const Defaults defaults = defaults_of(platform, mode);
+  const Defaults* const defaults = defaults_of(platform, mode);
   check_role(platform, mode.policy);
   check_role(platform, mode.weighed());
   ServiceOptions service_options;
@@ -231,9 +227,11 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
   service_options.draw = options.draw;
   service_options.only = mode.policy.needs_role;
   service_options.slices = options.slices.value_or(mode.policy.budgets);
-  if (defaults.mode != nullptr) service_options.stage_scale = defaults.mode->stage_scale;
+  if (defaults != nullptr) service_options.stage_scale = defaults->second.stage_scale;
   Scenario scenario = make_scenario(platform, profile, mix, service_options, mode.policy.cloud_use);
-  scenario.in_flight = choose_in_flight(scenario, options, defaults);
+  std::optional<int> in_flight = options.in_flight;
+  if (!in_flight && defaults != nullptr) in_flight = defaults->second.in_flight;
+  scenario.in_flight = choose_in_flight(scenario, in_flight);
   scenario.duration = options.duration.value_or(kDefaultDuration);
   scenario.seed = options.seed;
   scenario.faults = options.faults;
@@ -263,7 +261,8 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
           .slots = std::move(slots),
           .policy_setup = std::move(setup),
           .policy = std::move(policy),
-          .weights_from = std::move(weights.source)};
+          .weights_from = std::move(weights.source),
+          .in_flight_given = in_flight.has_value()};
 }
 
 }  // namespace pirt

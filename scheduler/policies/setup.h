@@ -78,7 +78,8 @@ struct ModeSetup {
   PolicySetup policy_setup;
   std::unique_ptr<Policy> policy;
   std::optional<std::string>
-      weights_from;  ///< "given", "platform", "derived"; absent = no weights.
+      weights_from;              ///< "given", "platform", "derived"; absent = no weights.
+  bool in_flight_given = false;  ///< By the options or the platform.
 };
 
 /// @param platform  As @p mix, must outlive what is returned.

@@ -4,19 +4,16 @@
 //     if      Qg < Wg : to GPU; Qg++
 //     else if Qc < Wc : to CPU; Qc++
 //     else if Qd < Wd : to DSP; Qd++
-//     else            : to CPU; Qc++      (only with the literal overflow; see queue_filling.h)
+//     else            : to CPU; Qc++      (only with the literal overflow; see weighted.h)
 #include "scheduler/policies/policies.h"
-#include "scheduler/policies/queue_filling.h"
-#include "scheduler/policies/unit_order.h"
+#include "scheduler/policies/weighted.h"
 
 namespace pirt {
 
 constinit const PolicyInfo policy::throughput = {
     .name = "throughput",
     .description = "Algorithm 2: keeps the GPU's queue full, then the CPU's, then the DSP's",
-    .make = [](const PolicySetup& setup) -> std::unique_ptr<Policy> {
-      return std::make_unique<QueueFillingPolicy>(setup, kThroughputOrder, Role::kCpu);
-    },
+    .make = make_policy<QueueFillingPolicy<kThroughputOrder, Role::kCpu>>,
     .rule = WeightRule::kFastQueue,
     .overflows = true,
 };

@@ -20,21 +20,16 @@ constexpr int kMaxCycle = 9;
 constexpr double kNegligibleShare = 1.0 / 20;
 constexpr double kSlowRate = 1.0 / 10;  // Of the fastest.
 
-bool is_basic(const Platform& platform, UnitId unit) {
-  return platform.units[unit].role != Role::kCloud;
-}
-
 /// Local units that serve the workload.
 std::vector<UnitId> candidates(WorkloadId workload, const Platform& platform,
                                const ServiceTable& services) {
+  const UnitMask mask = services.units_of(workload) & local_units(roles_of(platform));
   std::vector<UnitId> units;
   for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-    if (is_basic(platform, unit) && services.find(workload, unit) != nullptr) units.push_back(unit);
+    if (contains(mask, unit)) units.push_back(unit);
   }
   return units;
 }
-
-double seconds(Nanos time) { return to_s(std::max(time, Nanos(1))); }
 
 double squared_error(const std::vector<int>& counts, const std::vector<double>& shares, int total) {
   double sum = 0;
@@ -95,7 +90,8 @@ void share_weights(WorkloadId workload, const Platform& platform, const ServiceT
   std::vector<double> shares;
   for (const UnitId unit : units) {
     mask |= unit_bit(unit);
-    shares.push_back(1 / seconds(services.find(workload, unit)->total()));
+    const Nanos total = services.find(workload, unit)->total();
+    shares.push_back(1 / to_s(std::max(total, Nanos(1))));
     sum += shares.back();
   }
   for (double& share : shares) share /= sum;
@@ -106,34 +102,34 @@ void share_weights(WorkloadId workload, const Platform& platform, const ServiceT
     weights[units[i]] = counts[i] - (i == otherwise ? 1 : 0);
 }
 
-/// Of a call by itself: what it moves over links is no work of the unit.
-CallPlan call_on(WorkloadId workload, UnitId unit, const Platform& platform,
-                 const ServiceTable& services) {
-  return plan_call(platform, services, workload, unit, {});
-}
+/// What a unit does of a workload's calls by themselves: what these move over links is no work of
+/// it.
+struct Queue {
+  double per_s = 0;  ///< Calls.
+  int weight = 0;    ///< kQueue's.
+};
 
-int queue_weight(WorkloadId workload, UnitId unit, const Platform& platform,
-                 const ServiceTable& services) {
+Queue queue_of(WorkloadId workload, UnitId unit, const Platform& platform,
+               const ServiceTable& services) {
   const auto& model = platform.units[unit];
-  const CallPlan call = call_on(workload, unit, platform, services);
-  const std::int64_t busy = calls_in_service(model.servers, call.takes(Taken::kMean),
-                                             std::max(call.bottleneck(unit), Nanos(1)));
-  return static_cast<int>(std::clamp<std::int64_t>(busy, 1, 1'000'000)) +
-         (model.slots == 1 ? 1 : 0);
+  const CallPlan call = plan_call(platform, services, workload, unit, {});
+  const Nanos longest = std::max(call.bottleneck(unit), Nanos(1));
+  const std::int64_t busy = calls_in_service(model.servers, call.takes(Taken::kMean), longest);
+  return {.per_s = model.servers / to_s(longest),
+          .weight = static_cast<int>(std::clamp<std::int64_t>(busy, 1, 1'000'000)) +
+                    (model.slots == 1 ? 1 : 0)};
 }
 
 void queue_weights(WorkloadId workload, const Platform& platform, const ServiceTable& services,
                    bool fast_only, std::vector<int>& weights) {
   const auto units = candidates(workload, platform, services);
-  const auto rate = [&](UnitId unit) {
-    const CallPlan call = call_on(workload, unit, platform, services);
-    return platform.units[unit].servers / seconds(call.bottleneck(unit));
-  };
   double fastest = 0;
-  for (const UnitId unit : units) fastest = std::max(fastest, rate(unit));
   for (const UnitId unit : units) {
-    const bool slow = fast_only && rate(unit) < kSlowRate * fastest;
-    weights[unit] = slow ? 0 : queue_weight(workload, unit, platform, services);
+    fastest = std::max(fastest, queue_of(workload, unit, platform, services).per_s);
+  }
+  for (const UnitId unit : units) {
+    const Queue queue = queue_of(workload, unit, platform, services);
+    weights[unit] = fast_only && queue.per_s < kSlowRate * fastest ? 0 : queue.weight;
   }
 }
 
@@ -172,7 +168,7 @@ WeightTable given_weights(const std::map<std::string, int>& weights, const Platf
       throw_bad_input(
           fmt::format("{}: the weight of {} is {}; weights are 0 or more", source, name, weight));
     }
-    if (!is_basic(platform, unit)) {
+    if (platform.units[unit].role == Role::kCloud) {
       throw_bad_input(
           fmt::format("{}: {} is a cloud, which no basic algorithm uses and which has no weight",
                       source, name));
@@ -189,7 +185,8 @@ WeightTable given_weights(const std::map<std::string, int>& weights, const Platf
 int in_flight_for(const TaskClass& kind, const Platform& platform, const ServiceTable& services) {
   int sum = 0;
   for (const UnitId unit : candidates(kind.workload, platform, services)) {
-    if (contains(kind.eligible, unit)) sum += queue_weight(kind.workload, unit, platform, services);
+    if (!contains(kind.eligible, unit)) continue;
+    sum += queue_of(kind.workload, unit, platform, services).weight;
   }
   return std::max(1, sum);
 }

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <iterator>
 #include <limits>
-#include <utility>
 
 namespace pirt {
 namespace {
@@ -24,16 +23,13 @@ void add_link(const Platform& platform, UnitId unit, std::int64_t size_bytes,
 }
 
 /// How many times as long a call takes at most beside all that share the unit's memory.
-double beside_all(const ServiceTable& services, UnitId unit, const CallConditions& conditions) {
-  const std::string& memory = services.units[unit].memory;
-  if (memory.empty()) return 1;
-  const auto others =
-      std::ranges::count(services.units, memory, &UnitConditions::memory) - std::ptrdiff_t{1};
+double beside_all(const Platform& platform, UnitId unit, const CallConditions& conditions) {
+  const auto others = platform.neighbours(platform.units[unit]).size();
   return 1 + static_cast<double>(others) * (conditions.slowest_beside() - 1);
 }
 
-void add_stages(const Platform& platform, const ServiceTable& services, const Service& service,
-                UnitId unit, std::vector<CallStep>& steps) {
+void add_stages(const Platform& platform, const Service& service, UnitId unit,
+                std::vector<CallStep>& steps) {
   const ServiceStage* sliced = nullptr;  // The longest on the unit itself.
   for (const ServiceStage& stage : service.stages) {
     if (service.slices.size() <= 1 || stage.on != unit) continue;
@@ -52,20 +48,26 @@ void add_stages(const Platform& platform, const ServiceTable& services, const Se
     }
     if (service.conditions && stage.on == unit && stage.name == to_string(Phase::kExecute)) {
       step.conditions = &*service.conditions;
-      step.beside = beside_all(services, unit, *step.conditions);
+      step.beside = beside_all(platform, unit, *step.conditions);
     }
     if (&stage == sliced) step.slices = &service.slices;
   }
 }
 
-/// A call's own joules are drawn while a server works on it, or, of one that has none, while it
-/// lasts: a second of it has as much of them as any other.
-void spread_own(double own_j, std::span<CallStep> stages) {
-  const bool served = std::ranges::any_of(stages, [](const CallStep& step) {
-    return step.servers != CallStep::kDelay && step.scaled > Nanos::zero();
-  });
-  const auto counts = [served](const CallStep& step) {
-    return !served || step.servers != CallStep::kDelay;
+/// A call's own joules are drawn while its unit works on it, or, where that never does, while any
+/// server does, or, of one that has none, while it lasts: a second of it has as much of them as any
+/// other.
+void spread_own(double own_j, UnitId unit, std::span<CallStep> stages) {
+  const auto served = [stages](const auto& by) {
+    return std::ranges::any_of(
+        stages, [&](const CallStep& step) { return by(step) && step.scaled > Nanos::zero(); });
+  };
+  const auto by_unit = [unit](const CallStep& step) { return step.servers == unit; };
+  const auto by_any = [](const CallStep& step) { return step.servers != CallStep::kDelay; };
+  const bool own = served(by_unit);
+  const bool any = served(by_any);
+  const auto counts = [&](const CallStep& step) {
+    return own ? by_unit(step) : !any || by_any(step);
   };
   Nanos all{0};
   for (const CallStep& step : stages) all += counts(step) ? step.scaled : Nanos::zero();
@@ -76,6 +78,13 @@ void spread_own(double own_j, std::span<CallStep> stages) {
   if (all == Nanos::zero() && !stages.empty()) stages.front().own_j = own_j;
 }
 
+/// Whether some call of the unit can be suspended for another.
+bool lets_in(const ServiceTable& services, UnitId unit) {
+  return std::ranges::any_of(services.entries, [unit](const std::vector<ServiceEntry>& row) {
+    return row[unit].service && row[unit].service->slices.size() > 1;
+  });
+}
+
 bool takes_time(const GraphEdge& edge) {
   const auto any = [](const std::vector<Nanos>& times) {
     return std::ranges::any_of(times, [](Nanos time) { return time > Nanos::zero(); });
@@ -84,16 +93,12 @@ bool takes_time(const GraphEdge& edge) {
 }
 
 /// Empty if none takes time.
-std::vector<DataEdge> data_edges(const Platform& platform, const Pipeline& pipeline,
-                                 std::size_t task) {
-  std::vector<DataEdge> edges;
-  const auto& given = pipeline.tasks[task].edges;
-  for (auto& edge : edges_into(platform, pipeline, task)) {
-    edges.push_back({std::move(edge), given[edges.size()].bytes.value_or(0), false});
-  }
+std::vector<GraphEdge> data_edges(const Platform& platform, const Pipeline& pipeline,
+                                  std::size_t task) {
+  std::vector<GraphEdge> edges = edges_into(platform, pipeline, task);
   std::ranges::move(earlier_edges_into(platform, pipeline, task), std::back_inserter(edges));
-  const auto takes = [](const DataEdge& each) { return takes_time(each.edge); };
-  return std::ranges::any_of(edges, takes) ? edges : std::vector<DataEdge>{};
+  if (std::ranges::none_of(edges, takes_time)) edges.clear();
+  return edges;
 }
 
 /// Joules of the links of both ends; nothing where the data does not move.
@@ -106,31 +111,26 @@ double moving_j(const Platform& platform, UnitId from, UnitId to, std::int64_t s
   return energy_j;
 }
 
-/// The wait for data on its way, at its longest: from any unit that may have it.
+/// First, the wait for data on its way, at its longest: from any unit that may have it.
 void add_wait(const Scenario& scenario, std::size_t pipeline, const TaskPlan& task, UnitId unit,
               CallPlan& call) {
   if (task.edges.empty() && !task.state) return;
   const Platform& platform = scenario.platform;
   Nanos longest{0};
-  const auto add = [&](UnitMask sources, std::int64_t size_bytes, const auto& moving) {
+  const auto add = [&](UnitMask sources, const GraphEdge& edge) {
     double most_j = 0;
     for (UnitId from = 0; from < platform.units.size(); ++from) {
       if (!contains(sources, from)) continue;
-      longest = std::max(longest, moving(from));
-      most_j = std::max(most_j, moving_j(platform, from, unit, size_bytes));
+      longest = std::max(longest, edge.transfer(from, unit));
+      most_j = std::max(most_j, moving_j(platform, from, unit, edge.size_bytes));
     }
     call.data_j += most_j;
   };
-  for (const DataEdge& each : task.edges) {
-    add(scenario.classes[pipeline][each.edge.from].eligible, each.size_bytes,
-        [&](UnitId from) { return each.edge.transfer(from, unit); });
+  for (const GraphEdge& edge : task.edges) {
+    add(scenario.classes[pipeline][edge.from].eligible, edge);
   }
-  if (task.state) {
-    const std::int64_t size_bytes = scenario.mix.states[*task.state].size_bytes;
-    add(~UnitMask{0}, size_bytes,
-        [&](UnitId from) { return moving_time(platform, from, unit, size_bytes); });
-  }
-  CallStep& wait = call.steps.emplace_back();
+  if (task.state) add(~UnitMask{0}, task.state_edge);
+  CallStep& wait = *call.steps.emplace(call.steps.begin());
   wait.usual = longest;
   wait.for_data = true;
 }
@@ -140,32 +140,23 @@ void add_wait(const Scenario& scenario, std::size_t pipeline, const TaskPlan& ta
 Nanos CallStep::before_scale(Taken taken) const {
   const bool certain = taken == Taken::kLeast || taken == Taken::kMean;
   if (prepares && certain) return Nanos::zero();
-  switch (taken) {
-    case Taken::kLeast: {
-      // A cold call that was measured apart may have been the faster one.
-      Nanos least = time.low;
-      if (conditions == nullptr) return least;
-      for (const auto& cold : {conditions->cold_cache, conditions->cold_memory}) {
-        if (cold) least = std::min(least, cold->low);
-      }
-      return least;
-    }
-    case Taken::kMean:
-      return time.mean();
-    case Taken::kUsualWorst:
-      return usual;
-    case Taken::kWorst:
-      if (conditions == nullptr) return usual;
-      return pirt::scaled(std::max(usual, conditions->usual_worst), conditions->slowest_beside());
-    case Taken::kHighest:
-      break;
+  if (taken == Taken::kMean) return time.mean();
+  if (taken == Taken::kWorst && conditions != nullptr) {
+    return pirt::scaled(std::max(usual, conditions->usual_worst), conditions->slowest_beside());
   }
+  if (taken == Taken::kUsualWorst || taken == Taken::kWorst) return usual;
+  Nanos least = time.low;
   Nanos most = std::max(time.high, usual);
-  if (conditions == nullptr) return most;
-  for (const auto& cold : {conditions->cold_cache, conditions->cold_memory}) {
-    if (cold) most = std::max(most, cold->high);
+  if (conditions != nullptr) {
+    // A cold call that was measured apart may have been the faster one.
+    for (const auto* cold : {&conditions->cold_cache, &conditions->cold_memory}) {
+      if (!*cold) continue;
+      least = std::min(least, (*cold)->low);
+      most = std::max(most, (*cold)->high);
+    }
+    most = pirt::scaled(most, beside);
   }
-  return pirt::scaled(most, beside);
+  return taken == Taken::kLeast ? least : most;
 }
 
 Nanos CallStep::takes(Taken taken) const {
@@ -175,7 +166,7 @@ Nanos CallStep::takes(Taken taken) const {
 
 Nanos CallPlan::takes(Taken taken) const {
   const bool usual = taken == Taken::kUsualWorst || taken == Taken::kWorst;
-  Nanos sum = usual ? handover : Nanos::zero();
+  Nanos sum = usual ? handover + leave : Nanos::zero();
   for (const CallStep& step : steps) sum += step.takes(taken);
   return sum;
 }
@@ -207,7 +198,7 @@ Nanos CallPlan::bottleneck(UnitId unit) const {
 
 Nanos CallPlan::longest_slice() const {
   Nanos longest{0};
-  Nanos since = handover;  // It could be suspended.
+  Nanos since = handover + leave;  // It could be suspended.
   for (const CallStep& step : steps) {
     const Nanos takes = step.prepares ? Nanos::zero() : step.takes(Taken::kUsualWorst);
     if (step.slices == nullptr) {
@@ -217,7 +208,7 @@ Nanos CallPlan::longest_slice() const {
     for (std::size_t part = 0; part < step.slices->size(); ++part) {
       since += pirt::scaled(takes, (*step.slices)[part]);
       longest = std::max(longest, since);
-      if (part + 1 < step.slices->size()) since = Nanos::zero();
+      if (part + 1 < step.slices->size()) since = leave;
     }
   }
   return std::max(longest, since);
@@ -240,18 +231,14 @@ double CallPlan::own_j() const {
 }
 
 double CallPlan::window_j() const {
-  double own_j = 0;
   double energy_j = 0;
   double highest_w = 0;
   for (const CallStep& step : steps) {
-    // What lengthens a call lets it draw for longer.
-    const Nanos most = step.before_scale(Taken::kHighest);
-    const bool varies = step.conditions != nullptr && step.time.low > Nanos::zero();
-    own_j += step.own_j * (varies ? to_s(most) / to_s(step.time.low) : 1);
-    energy_j += step.watts * to_s(most) * step.energy_scale;
+    // What lengthens a call lets it draw for longer, but for its own joules.
+    energy_j += step.watts * to_s(step.before_scale(Taken::kHighest)) * step.energy_scale;
     highest_w = std::max(highest_w, step.watts * step.energy_scale / step.scale);
   }
-  return own_j + data_j + std::min(energy_j, highest_w * to_s(kPowerWindow));
+  return own_j() + data_j + std::min(energy_j, highest_w * to_s(kPowerWindow));
 }
 
 CallPlan plan_call(const Platform& platform, const ServiceTable& services, WorkloadId workload,
@@ -259,7 +246,11 @@ CallPlan plan_call(const Platform& platform, const ServiceTable& services, Workl
   const Service& service = *services.find(workload, unit);
   CallPlan call;
   call.energy_known = service.energy_known;
-  if (!services.units.empty()) call.handover = services.units[unit].longest_handover;
+  if (!services.units.empty()) {
+    call.handover = services.units[unit].longest_handover;
+    const Nanos leave = services.units[unit].longest_leave;
+    if (leave > Nanos::zero() && lets_in(services, unit)) call.leave = leave;
+  }
   if (bytes.moves) add_link(platform, unit, bytes.in, call.steps);
   if (service.prepare) {
     CallStep& load = call.steps.emplace_back();
@@ -273,8 +264,8 @@ CallPlan plan_call(const Platform& platform, const ServiceTable& services, Workl
         context_of(*platform.units[unit].contexts, workload, services.workloads[workload]);
   }
   const std::size_t first = call.steps.size();
-  add_stages(platform, services, service, unit, call.steps);
-  spread_own(service.fixed_j(), std::span(call.steps).subspan(first));
+  add_stages(platform, service, unit, call.steps);
+  spread_own(service.fixed_j(), unit, std::span(call.steps).subspan(first));
   if (bytes.moves) add_link(platform, unit, bytes.out, call.steps);
   return call;
 }
@@ -289,26 +280,24 @@ std::int64_t calls_in_service(int servers, Nanos total, Nanos occupied) {
 }
 
 std::vector<TaskPlan> plan_tasks(const Scenario& scenario, std::size_t pipeline) {
+  const Platform& platform = scenario.platform;
   std::vector<TaskPlan> plans;
   const auto& tasks = scenario.mix.pipelines[pipeline].tasks;
-  const bool links = !scenario.platform.links.empty();
   for (std::size_t t = 0; t < tasks.size(); ++t) {
     const TaskClass& kind = scenario.classes[pipeline][t];
-    TaskPlan plan{.workload = kind.workload,
-                  .edges = data_edges(scenario.platform, scenario.mix.pipelines[pipeline], t),
-                  .state = links ? tasks[t].state : std::nullopt,
-                  .calls = {}};
-    for (UnitId unit = 0; unit < scenario.platform.units.size(); ++unit) {
+    TaskPlan& plan = plans.emplace_back();
+    plan.workload = kind.workload;
+    plan.edges = data_edges(platform, scenario.mix.pipelines[pipeline], t);
+    if (tasks[t].state && !platform.links.empty()) {
+      plan.state = tasks[t].state;
+      plan.state_edge = state_edge(platform, scenario.mix.states[*plan.state].size_bytes);
+    }
+    for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
       CallPlan& call = plan.calls.emplace_back();
       if (!contains(kind.eligible, unit)) continue;
+      call = plan_call(platform, scenario.services, kind.workload, unit, call_bytes(tasks[t]));
       add_wait(scenario, pipeline, plan, unit, call);
-      CallPlan alone = plan_call(scenario.platform, scenario.services, kind.workload, unit,
-                                 call_bytes(tasks[t]));
-      call.energy_known = alone.energy_known;
-      call.handover = alone.handover;
-      std::ranges::move(alone.steps, std::back_inserter(call.steps));
     }
-    plans.push_back(std::move(plan));
   }
   return plans;
 }

@@ -79,6 +79,7 @@ struct CallPlan {
   double data_j = 0;  ///< At most: of links over which data of predecessors, and a state, comes.
   bool energy_known = true;
   Nanos handover{0};  ///< Until its unit begins with it, at most: of kUsualWorst and kWorst.
+  Nanos leave{0};     ///< That a call takes longer which lets it in, at most: likewise.
 
   /// From its start to its end, with the slot that it holds.
   [[nodiscard]] Nanos takes(Taken taken) const;
@@ -111,8 +112,9 @@ struct CallPlan {
 
 struct TaskPlan {
   WorkloadId workload = 0;
-  std::vector<DataEdge> edges;       ///< From its predecessors; empty if none takes time.
-  std::optional<std::size_t> state;  ///< That it holds, where moving it takes time.
+  std::vector<GraphEdge> edges;      ///< From its predecessors; empty if none takes time.
+  std::optional<std::size_t> state;  ///< That it holds, where moving it takes time,
+  GraphEdge state_edge = {};         ///< and how that moves.
   std::vector<CallPlan> calls;       ///< By unit.
 };
 

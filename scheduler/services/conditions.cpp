@@ -40,16 +40,9 @@ bool waits_for_memory(const Profile& profile, const PhaseRow& steady) {
 
 /// What reading again after a while took, between reading at once and after a sweep. Nothing where
 /// those two are as good as the same: then there is nothing to lose.
-std::vector<UnitConditions::Forgotten> forgotten_by(const Profile& profile, const std::string& unit,
-                                                    bool strict) {
+std::vector<UnitConditions::Forgotten> forgotten_by(const std::vector<const UnitTimeRow*>& after,
+                                                    const UnitTimeRow* cold) {
   constexpr double kSame = 1.1;
-  std::vector<const UnitTimeRow*> after;
-  const UnitTimeRow* cold = nullptr;
-  for (const UnitTimeRow& row : profile.unit_times) {
-    if (row.unit != unit || !is_used(row, strict) || !row.median) continue;
-    if (row.phase == UnitPhase::kReread) after.push_back(&row);
-    if (row.phase == UnitPhase::kRereadCold) cold = &row;
-  }
   std::vector<UnitConditions::Forgotten> forgotten;
   if (cold == nullptr || after.empty() || after.front()->sleep != Nanos::zero()) return forgotten;
   const double at_once = to_s(*after.front()->median);
@@ -112,17 +105,24 @@ std::optional<CallConditions> call_conditions(const Profile& profile, const std:
 UnitConditions unit_conditions(const Profile& profile, const UnitModel& unit, Draw draw,
                                bool strict) {
   UnitConditions found;
-  found.memory = unit.memory;
+  std::vector<const UnitTimeRow*> rereads;
+  const UnitTimeRow* cold = nullptr;
   for (const UnitTimeRow& row : profile.unit_times) {
     if (row.unit != unit.name || !is_used(row, strict) || !row.median) continue;
     if (row.phase == UnitPhase::kHandover) {
+      if (found.handovers.empty() && !found.leave) found.longest_leave = worst_of(row);
       found.handovers.push_back({row.sleep, drawn(row, draw)});
       found.longest_handover = std::max(found.longest_handover, worst_of(row));
     } else if (row.phase == UnitPhase::kLeave) {
       found.leave = drawn(row, draw);
+      found.longest_leave = worst_of(row);
+    } else if (row.phase == UnitPhase::kReread) {
+      rereads.push_back(&row);
+    } else if (row.phase == UnitPhase::kRereadCold) {
+      cold = &row;
     }
   }
-  found.forgotten = forgotten_by(profile, unit.name, strict);
+  found.forgotten = forgotten_by(rereads, cold);
   found.cache_bytes = fact_of(profile, unit.name, kOwnCacheBytes);
   found.last_cache_bytes = fact_of(profile, unit.name, kLastCacheBytes);
   return found;

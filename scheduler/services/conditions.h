@@ -47,10 +47,10 @@ struct UnitConditions {
   std::vector<Handover> handovers;    ///< By sleep; empty = it takes no time.
   Nanos longest_handover{0};          ///< p95, after the sleep where that is the longest.
   std::optional<Distribution> leave;  ///< UnitPhase::kLeave; absent = two hand-overs behind a call.
+  Nanos longest_leave{0};             ///< p95; absent = of the second of these.
   std::vector<Forgotten> forgotten;   ///< By time; empty = nothing.
   std::int64_t cache_bytes = 0;       ///< Its own; 0 = not known.
   std::int64_t last_cache_bytes = 0;  ///< The last that it reaches; 0 = not known.
-  std::string memory;                 ///< UnitModel::memory.
 };
 
 /// Of a row with samples, what 95 of 100 calls do not exceed; of a doubted one, no less than where

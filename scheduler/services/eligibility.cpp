@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <array>
 #include <map>
 #include <set>
 #include <string_view>
@@ -18,11 +17,6 @@
 namespace pirt {
 namespace {
 
-/// Whether @p name is the unit's, or that of its role.
-bool is_called(const UnitModel& unit, std::string_view name) {
-  return unit.name == name || to_string(unit.role) == name;
-}
-
 std::vector<std::string> unit_reasons(const Platform& platform,
                                       const std::vector<ServiceEntry>& entries) {
   std::vector<std::string> reasons;
@@ -33,17 +27,6 @@ std::vector<std::string> unit_reasons(const Platform& platform,
         (serves ? "not for tasks that the cloud is too slow for" : entries[unit].reason));
   }
   return reasons;
-}
-
-/// Workloads of which some task has to be served on the robot.
-std::set<std::string_view> needed_locally(const Mix& mix, CloudUse cloud_use) {
-  std::set<std::string_view> needed;
-  if (cloud_use == CloudUse::kAll) return needed;
-  for (const auto& pipeline : mix.pipelines) {
-    if (!pipeline.real_time && cloud_use != CloudUse::kNone) continue;
-    for (const auto& task : pipeline.tasks) needed.insert(task.workload);
-  }
-  return needed;
 }
 
 /// What to do about workloads that no unit serves.
@@ -72,13 +55,13 @@ std::string remedy(const Platform& platform, const Profile* profile,
          (profile == nullptr ? ", then give --profile " + path : "");
 }
 
+/// The units of that name or role; throws if it is none.
 /// @param where  For the message.
-void check_unit_or_role(const Platform& platform, const std::string& name,
-                        const std::string& where) {
-  if (role_from_string(name)) return;
-  for (const auto& unit : platform.units) {
-    if (is_called(unit, name)) return;
-  }
+UnitMask units_called(const Platform& platform, const std::string& name, const std::string& where) {
+  const UnitMask units = units_where(platform.units, [&name](const UnitModel& unit) {
+    return unit.name == name || to_string(unit.role) == name;
+  });
+  if (units != 0 || role_from_string(name)) return units;
   auto candidates = platform.unit_names();
   for (auto& role : role_names()) candidates.push_back(std::move(role));
   throw_bad_input(fmt::format("{}: '{}' is neither a unit of platform {} nor a role{}", where, name,
@@ -89,11 +72,7 @@ void check_unit_or_role(const Platform& platform, const std::string& name,
 UnitMask named_units(const Platform& platform, const std::vector<std::string>& names,
                      const std::string& where) {
   UnitMask mask = names.empty() ? ~UnitMask{0} : 0;
-  for (const auto& name : names) {
-    check_unit_or_role(platform, name, where + ": eligible");
-    mask |= units_where(platform.units,
-                        [&name](const UnitModel& unit) { return is_called(unit, name); });
-  }
+  for (const auto& name : names) mask |= units_called(platform, name, where + ": eligible");
   return mask;
 }
 
@@ -136,14 +115,13 @@ GivenServices given_services(const Platform& platform, const Mix& mix) {
     for (const auto& task : pipeline.tasks) {
       if (task.service.empty()) continue;
       auto& times = given[task.workload];
-      for (const auto& [name, time] : task.service)
-        check_unit_or_role(platform, name, task.service_location);
-      for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-        auto time = task.service.find(platform.units[unit].name);
-        if (time == task.service.end()) {
-          time = task.service.find(std::string(to_string(platform.units[unit].role)));
+      for (const auto& [name, time] : task.service) {
+        const UnitMask units = units_called(platform, name, task.service_location);
+        for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+          if (!contains(units, unit)) continue;
+          if (platform.units[unit].name == name) times.erase(unit);
+          times.emplace(unit, time);
         }
-        if (time != task.service.end()) times.emplace(unit, time->second);
       }
       if (times.empty()) {
         throw_bad_input(task.service_location + ": none of these units is on platform " +
@@ -155,25 +133,52 @@ GivenServices given_services(const Platform& platform, const Mix& mix) {
   return given;
 }
 
+/// [pipeline][task], all that `eligible` names, by unit or by role.
+std::vector<std::vector<TaskClass>> named_classes(const Platform& platform, const Mix& mix,
+                                                  const ServiceTable& services) {
+  std::map<std::string_view, WorkloadId> ids;
+  for (const auto& name : services.workloads)
+    ids.emplace(name, static_cast<WorkloadId>(ids.size()));
+  std::vector<std::vector<TaskClass>> classes;
+  for (const auto& pipeline : mix.pipelines) {
+    auto& row = classes.emplace_back();
+    for (const auto& task : pipeline.tasks) {
+      row.push_back(
+          {.workload = ids.at(task.workload),
+           .eligible = named_units(platform, task.eligible, task_name(mix, pipeline, task)),
+           .real_time = pipeline.real_time,
+           .image_input = task.image_input});
+    }
+  }
+  return classes;
+}
+
 /// Throws where no unit has a service for some workload that the mode could use.
-void check_every_workload_served(const Platform& platform, const Profile* profile, const Mix& mix,
-                                 const ServiceTable& services, CloudUse cloud_use) {
+void check_every_workload_served(const Scenario& scenario, const Profile* profile,
+                                 CloudUse cloud_use) {
+  const Platform& platform = scenario.platform;
+  const ServiceTable& services = scenario.services;
   const UnitMask cloud = cloud_units(platform);
-  const auto needed = needed_locally(mix, cloud_use);
+  // By workload: some task of it has to be served on the robot.
+  std::vector<bool> needed(services.workloads.size(), false);
+  for (const auto& row : scenario.classes) {
+    for (const TaskClass& kind : row) {
+      const bool stays = cloud_use == CloudUse::kNotRealTime && kind.real_time;
+      if (stays || cloud_use == CloudUse::kNone) needed[kind.workload] = true;
+    }
+  }
   std::vector<std::string> missing;
   std::string reasons;
   for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {
-    const auto& name = services.workloads[workload];
     const UnitMask served = services.units_of(workload);
-    if ((served & ~cloud) != 0) continue;
-    if (served != 0 && !needed.contains(name)) continue;
+    if ((served & ~cloud) != 0 || (served != 0 && !needed[workload])) continue;
     if (missing.empty()) reasons = join(unit_reasons(platform, services.entries[workload]), "; ");
-    missing.push_back(name);
+    missing.push_back(services.workloads[workload]);
   }
   if (missing.empty()) return;
-  throw_bad_input("mix " + mix.name + ": no unit of platform " + platform.name + " can serve " +
-                  join(missing, ", ") + " (" + missing.front() + " - " + reasons + "); " +
-                  remedy(platform, profile, missing));
+  throw_bad_input("mix " + scenario.mix.name + ": no unit of platform " + platform.name +
+                  " can serve " + join(missing, ", ") + " (" + missing.front() + " - " + reasons +
+                  "); " + remedy(platform, profile, missing));
 }
 
 /// What of @p among is uncertain so far that it tells nothing of the order of units, where another
@@ -190,25 +195,16 @@ UnitMask too_uncertain(const Platform& platform, const ServiceTable& services, W
   return wild == own ? 0 : wild;
 }
 
-/// [workload]: where tasks of it may go, whoever serves it.
-std::vector<UnitMask> wanted_units(const Platform& platform, const Mix& mix,
-                                   const ServiceTable& services) {
-  std::vector<UnitMask> wanted(services.workloads.size(), 0);
-  for (const auto& pipeline : mix.pipelines) {
-    for (const auto& task : pipeline.tasks) {
-      const auto found = std::ranges::find(services.workloads, task.workload);
-      wanted[static_cast<std::size_t>(found - services.workloads.begin())] |=
-          named_units(platform, task.eligible, task_name(mix, pipeline, task));
-    }
-  }
-  return wanted;
-}
-
-/// Of units with `memory_mb`: takes from @p services what does not fit there beside what comes
+/// Of units with `memory_mb`: takes from the services what does not fit there beside what comes
 /// before it, in the order of the mix's tasks, if tasks may go there at all. A unit with contexts
 /// holds one at a time. What nobody has measured is not counted, and warned of.
-void admit_by_memory(const Platform& platform, const Mix& mix, ServiceTable& services) {
-  const auto wanted = wanted_units(platform, mix, services);
+void admit_by_memory(Scenario& scenario) {
+  const Platform& platform = scenario.platform;
+  ServiceTable& services = scenario.services;
+  std::vector<UnitMask> wanted(services.workloads.size(), 0);
+  for (const auto& row : scenario.classes) {
+    for (const TaskClass& kind : row) wanted[kind.workload] |= kind.eligible;
+  }
   for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
     const UnitModel& model = platform.units[unit];
     if (!model.memory_limit_bytes) continue;
@@ -246,47 +242,39 @@ void admit_by_memory(const Platform& platform, const Mix& mix, ServiceTable& ser
   }
 }
 
-/// [pipeline][task]: the units that have a service and that `eligible` names, by unit or by role.
-/// One whose figure is uncertain by more than a factor of 4 is among them only where nothing else
-/// of the robot's own is; the cloud is asked for other reasons than its time.
-/// @param only      The role whose units alone the mode uses, if it has one: others serve nothing.
-/// @param services  Gets warnings: which is left out so.
-std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const Mix& mix,
-                                                 std::optional<Role> only, ServiceTable& services) {
-  std::map<std::string_view, WorkloadId> ids;
-  for (const auto& name : services.workloads)
-    ids.emplace(name, static_cast<WorkloadId>(ids.size()));
-  std::vector<std::vector<TaskClass>> classes;
-  for (const auto& pipeline : mix.pipelines) {
-    auto& row = classes.emplace_back();
-    for (const auto& task : pipeline.tasks) {
-      const std::string where = task_name(mix, pipeline, task);
-      const WorkloadId workload = ids.at(task.workload);
-      const UnitMask served = services.units_of(workload);
-      const UnitMask eligible = served & named_units(platform, task.eligible, where);
-      if (eligible == 0) {
-        throw_bad_input(where + ": eligible [" + join(task.eligible, ", ") +
-                        "] leaves no unit for " + task.workload + ", which " +
-                        unit_list(platform, served) + " of platform " + platform.name +
+/// Leaves of the units that `eligible` names those that have a service. One whose figure is
+/// uncertain by more than a factor of 4 is among them only where nothing else of the robot's own
+/// is, and warned of; the cloud is asked for other reasons than its time.
+/// @param only  The role whose units alone the mode uses, if it has one: others serve nothing.
+void narrow_classes(std::optional<Role> only, Scenario& scenario) {
+  const Platform& platform = scenario.platform;
+  auto& warnings = scenario.services.warnings;
+  for (std::size_t p = 0; p < scenario.classes.size(); ++p) {
+    const Pipeline& pipeline = scenario.mix.pipelines[p];
+    for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
+      const MixTask& task = pipeline.tasks[t];
+      TaskClass& kind = scenario.classes[p][t];
+      const UnitMask served = scenario.services.units_of(kind.workload);
+      kind.eligible &= served;
+      if (kind.eligible == 0) {
+        throw_bad_input(task_name(scenario.mix, pipeline, task) + ": eligible [" +
+                        join(task.eligible, ", ") + "] leaves no unit for " + task.workload +
+                        ", which " + unit_list(platform, served) + " of platform " + platform.name +
                         " can serve");
       }
-      const UnitMask left_out = too_uncertain(platform, services, workload, eligible, only);
-      if (left_out != 0) {
-        std::string warning =
-            task.workload + " on " + unit_list(platform, left_out) +
-            " is not used: its figure is uncertain by more than a factor of 4, and another unit "
-            "serves it";
-        if (std::ranges::find(services.warnings, warning) == services.warnings.end()) {
-          services.warnings.push_back(std::move(warning));
-        }
+      const UnitMask left_out =
+          too_uncertain(platform, scenario.services, kind.workload, kind.eligible, only);
+      if (left_out == 0) continue;
+      kind.eligible &= ~left_out;
+      std::string warning =
+          task.workload + " on " + unit_list(platform, left_out) +
+          " is not used: its figure is uncertain by more than a factor of 4, and another unit "
+          "serves it";
+      if (std::ranges::find(warnings, warning) == warnings.end()) {
+        warnings.push_back(std::move(warning));
       }
-      row.push_back({.workload = workload,
-                     .eligible = eligible & ~left_out,
-                     .real_time = pipeline.real_time,
-                     .image_input = task.image_input});
     }
   }
-  return classes;
 }
 
 }  // namespace
@@ -303,15 +291,16 @@ void Scenario::keep_calls_whole() {
 Scenario make_scenario(const Platform& platform, const Profile* profile, const Mix& mix,
                        ServiceOptions options, CloudUse cloud_use) {
   options.given = given_services(platform, mix);
-  ServiceTable services = resolve_services(platform, profile, workloads_of(mix), options);
-  admit_by_memory(platform, mix, services);
-  check_every_workload_served(platform, profile, mix, services, cloud_use);
-  auto classes = task_classes(platform, mix, options.only, services);
-  return {.platform = platform,
-          .mix = mix,
-          .services = std::move(services),
-          .classes = std::move(classes),
-          .slices = options.slices};
+  Scenario scenario{.platform = platform,
+                    .mix = mix,
+                    .services = resolve_services(platform, profile, workloads_of(mix), options),
+                    .classes = {},
+                    .slices = options.slices};
+  scenario.classes = named_classes(platform, mix, scenario.services);
+  admit_by_memory(scenario);
+  check_every_workload_served(scenario, profile, cloud_use);
+  narrow_classes(options.only, scenario);
+  return scenario;
 }
 
 }  // namespace pirt

@@ -23,16 +23,12 @@ Nanos at_or_none(const std::vector<Nanos>& by_unit, UnitId unit) {
   return by_unit.empty() ? Nanos::zero() : by_unit[unit];
 }
 
-/// Over the unit's link, at the mean of its latency.
-Nanos link_time(const Platform& platform, UnitId unit, std::int64_t size_bytes) {
-  const Link* link = link_of(platform, unit);
-  return link == nullptr ? Nanos::zero() : sending_time(*link, size_bytes) + link->latency.mean();
-}
-
+/// By unit: over its link, at the mean of its latency.
 std::vector<Nanos> link_times(const Platform& platform, std::int64_t size_bytes) {
-  std::vector<Nanos> times;
-  for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-    times.push_back(link_time(platform, unit, size_bytes));
+  std::vector<Nanos> times(platform.units.size(), Nanos::zero());
+  for (UnitId unit = 0; unit < times.size(); ++unit) {
+    const Link* const link = link_of(platform, unit);
+    if (link != nullptr) times[unit] = sending_time(*link, size_bytes) + link->latency.mean();
   }
   return times;
 }
@@ -83,9 +79,9 @@ CallBytes call_bytes(const MixTask& task) {
   return bytes;
 }
 
-Nanos moving_time(const Platform& platform, UnitId from, UnitId to, std::int64_t size_bytes) {
-  if (from == to) return Nanos::zero();
-  return link_time(platform, from, size_bytes) + link_time(platform, to, size_bytes);
+GraphEdge state_edge(const Platform& platform, std::int64_t size_bytes) {
+  const std::vector<Nanos> times = link_times(platform, size_bytes);
+  return {.leave = times, .enter = times, .size_bytes = size_bytes};
 }
 
 std::vector<GraphEdge> edges_into(const Platform& platform, const Pipeline& pipeline,
@@ -94,7 +90,10 @@ std::vector<GraphEdge> edges_into(const Platform& platform, const Pipeline& pipe
   const MixTask& target = pipeline.tasks[task];
   for (std::size_t i = 0; i < target.after.size(); ++i) {
     const MixEdge& given = target.edges[i];
-    GraphEdge edge{.from = target.after[i], .to = task, .delay = given.transfer};
+    GraphEdge edge{.from = target.after[i],
+                   .to = task,
+                   .delay = given.transfer,
+                   .size_bytes = given.bytes.value_or(0)};
     if (given.bytes && !platform.links.empty()) {
       const bool leaves = given.by_port || !pipeline.tasks[edge.from].service.empty();
       const bool enters = given.by_port || !target.service.empty();
@@ -106,23 +105,21 @@ std::vector<GraphEdge> edges_into(const Platform& platform, const Pipeline& pipe
   return edges;
 }
 
-std::vector<DataEdge> earlier_edges_into(const Platform& platform, const Pipeline& pipeline,
-                                         std::size_t task) {
-  std::vector<DataEdge> edges;
+std::vector<GraphEdge> earlier_edges_into(const Platform& platform, const Pipeline& pipeline,
+                                          std::size_t task) {
+  std::vector<GraphEdge> edges;
   for (const PortInput& port : pipeline.tasks[task].inputs) {
     if (!port.earlier) continue;
-    const auto same_maker = [&](const DataEdge& each) { return each.edge.from == port.task; };
-    auto known = std::ranges::find_if(edges, same_maker);
+    auto known = std::ranges::find(edges, port.task, &GraphEdge::from);
     if (known == edges.end()) {
-      edges.push_back({.edge = {.from = port.task, .to = task}, .earlier = true});
+      edges.push_back({.from = port.task, .to = task, .earlier = true});
       known = edges.end() - 1;
     }
     const WorkloadSpec maker = find_spec(pipeline.tasks[port.task].workload);
     known->size_bytes += maker.outputs[port.output].size_bytes();
   }
-  for (DataEdge& each : edges) {
-    if (platform.links.empty()) continue;
-    each.edge.leave = each.edge.enter = link_times(platform, each.size_bytes);
+  for (GraphEdge& each : edges) {
+    each.leave = each.enter = link_times(platform, each.size_bytes);
   }
   return edges;
 }

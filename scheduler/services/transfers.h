@@ -28,10 +28,6 @@ struct CallBytes {
   bool moves = false;  ///< It moves something, be it nothing but a message.
 };
 [[nodiscard]] CallBytes call_bytes(const MixTask& task);
-/// How long so much takes over the links of both units, one after the other, at the mean of their
-/// latencies; nothing between a unit and itself.
-[[nodiscard]] Nanos moving_time(const Platform& platform, UnitId from, UnitId to,
-                                std::int64_t size_bytes);
 
 /// Data that one task makes for another. On the same unit it costs nothing to hand on.
 struct GraphEdge {
@@ -40,6 +36,8 @@ struct GraphEdge {
   Nanos delay{0};              ///< Between any two different units.
   std::vector<Nanos> leave{};  ///< By unit: what it adds that the data leaves it; empty = nothing.
   std::vector<Nanos> enter{};  ///< By unit: what it adds that the data goes to it; empty = nothing.
+  std::int64_t size_bytes = 0;  ///< What it moves over links.
+  bool earlier = false;         ///< Of an earlier firing.
 
   [[nodiscard]] Nanos transfer(UnitId source, UnitId target) const;
 };
@@ -51,15 +49,12 @@ struct GraphEdge {
 [[nodiscard]] std::vector<GraphEdge> edges_into(const Platform& platform, const Pipeline& pipeline,
                                                 std::size_t task);
 
-/// Data that a task waits for once it has started, with what it moves over links.
-struct DataEdge {
-  GraphEdge edge;
-  std::int64_t size_bytes = 0;
-  bool earlier = false;  ///< Of an earlier firing.
-};
 /// The same for what a task takes from earlier firings.
 /// @return  One for each task that it takes from.
-[[nodiscard]] std::vector<DataEdge> earlier_edges_into(const Platform& platform,
-                                                       const Pipeline& pipeline, std::size_t task);
+[[nodiscard]] std::vector<GraphEdge> earlier_edges_into(const Platform& platform,
+                                                        const Pipeline& pipeline, std::size_t task);
+/// A state of that size, which moves from unit to unit: over the links of both, one after the
+/// other.
+[[nodiscard]] GraphEdge state_edge(const Platform& platform, std::int64_t size_bytes);
 
 }  // namespace pirt

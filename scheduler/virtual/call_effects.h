@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "scheduler/mix/task.h"
@@ -23,12 +24,13 @@ class CallEffects {
   /// @return  What passes until its call begins.
   [[nodiscard]] Nanos handed_over(UnitId unit, Nanos now, std::uint64_t random);
 
-  /// `execute` with steady caches, of @p workload, begins on a unit.
+  /// `execute` on a unit.
   struct Execution {
     JobIndex job = 0;
     UnitId unit = 0;
     WorkloadId workload = 0;
-    Nanos steady{0};
+    Nanos steady{0};  ///< What it takes with steady caches.
+    const CallConditions* conditions = nullptr;
   };
   /// Another call that it slows.
   struct Slowed {
@@ -36,27 +38,27 @@ class CallEffects {
     UnitId unit = 0;
     Nanos by{0};
   };
+  /// It begins; its conditions are known.
   /// @return  How long it takes if nothing more begins beside it.
-  /// @param slowed  Calls of other units that it slows are added.
-  [[nodiscard]] Nanos executes(const Execution& execution, const CallConditions& conditions,
-                               Nanos now, std::uint64_t random, std::vector<Slowed>& slowed);
+  [[nodiscard]] Nanos executes(const Execution& execution, Nanos now, std::uint64_t random);
 
   /// The rest of a call that is suspended between two slices, while it is.
   struct Rest {
     Execution executing;
     Nanos takes{0};  ///< Beside what ran when it began,
     Nanos alone{0};  ///< and beside nothing.
-    const CallConditions* conditions = nullptr;
   };
-  /// The call on the unit is suspended.
+  /// The call on the unit, whose conditions are known, is suspended.
   [[nodiscard]] Rest suspend(UnitId unit, Nanos now);
   struct Resumed {
     Nanos passes{0};  ///< Until it goes on.
     double part = 1;  ///< What the rest takes beside what runs now, of Rest::takes.
   };
-  /// It goes on. @param slowed  As of executes.
-  [[nodiscard]] Resumed resume(UnitId unit, const Rest& rest, Nanos now, std::uint64_t random,
-                               std::vector<Slowed>& slowed);
+  /// It goes on.
+  /// @param rest  Rest{} = its conditions are not known.
+  [[nodiscard]] Resumed resume(UnitId unit, const Rest& rest, Nanos now, std::uint64_t random);
+  /// Calls of other units that the last call which began, or went on, slows.
+  [[nodiscard]] const std::vector<Slowed>& slowed() const { return slowed_; }
 
   /// The task has ended on the unit.
   void ended(UnitId unit, WorkloadId workload, JobIndex job, Nanos now);
@@ -64,35 +66,26 @@ class CallEffects {
  private:
   /// When a workload's last call on a unit had ended, and the bytes that had been touched by then.
   struct Touched {
-    bool any = false;  ///< There was one.
     Nanos at{0};
     std::int64_t by_unit = 0;
     std::int64_t by_all = 0;  ///< Units of the same memory.
   };
-  /// Which part of the caches holds nothing of a workload's any more: the unit's own, and the last.
-  struct Coldness {
-    double own = 1, last = 1;
-  };
   struct Unit {
     int tasks = 0;  ///< That are on it.
     Nanos idle_since{0};
-    std::int64_t touched = 0;                    ///< Bytes, by all calls so far.
-    std::vector<Touched> last;                   ///< By workload.
-    Execution executing;                         ///< The last that began,
-    Nanos ends{0};                               ///< when it does,
-    double stretch = 1;                          ///< how many times as long others made the rest,
-    Nanos room{0};                               ///< and by how much others may still slow it.
-    const CallConditions* conditions = nullptr;  ///< Its own.
+    std::int64_t touched = 0;                  ///< Bytes, by all calls so far.
+    std::vector<std::optional<Touched>> last;  ///< By workload; absent = there was none.
+    Execution executing;                       ///< The last that began,
+    Nanos ends{0};                             ///< when it does,
+    double stretch = 1;                        ///< how many times as long others made the rest,
+    Nanos room{0};                             ///< and by how much others may still slow it.
   };
-  void run(const Execution& execution, const CallConditions* conditions, Nanos alone, Nanos now,
-           std::vector<Slowed>& slowed);
-  [[nodiscard]] bool is_beside(UnitId id, UnitId other) const;
-  [[nodiscard]] Coldness coldness(const Unit& unit, UnitId id, WorkloadId workload,
-                                  Nanos now) const;
+  void run(const Execution& execution, Nanos alone, Nanos now);
   [[nodiscard]] std::int64_t touched_beside(UnitId id) const;
 
   const Scenario& scenario_;
   std::vector<Unit> units_;  ///< Empty where nothing is known of any.
+  std::vector<Slowed> slowed_;
 };
 
 }  // namespace pirt

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "workloads/base/math/random.h"
@@ -20,14 +21,15 @@ Firings::Firings(const Scenario& scenario, bool keep_made)
 void Firings::plan(std::uint32_t p) {
   PipelineState& state = pipelines_[p];
   const Pipeline& pipeline = scenario_.mix.pipelines[p];
+  const std::size_t tasks = pipeline.tasks.size();
   state.pipeline = &pipeline;
   state.jitter_seed = derive_seed(scenario_.seed, "jitter of " + pipeline.name);
   state.moves_data = keep_made_;
   const auto moves = [this](const MixEdge& edge) {
     return edge.transfer > Nanos::zero() || (edge.bytes && !scenario_.platform.links.empty());
   };
-  std::vector<SeriesId> series_of(pipeline.tasks.size(), 0);
-  for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
+  std::vector<SeriesId> series_of(tasks, 0);  // Of those that are read later.
+  for (std::size_t t = 0; t < tasks; ++t) {
     const MixTask& task = pipeline.tasks[t];
     state.image_tasks += task.image_input ? 1 : 0;
     const bool by_port = !task.inputs.empty() && !scenario_.platform.links.empty();
@@ -36,42 +38,29 @@ void Firings::plan(std::uint32_t p) {
     state.series.push_back({.task = t, .image = task.image_input});
     series_of[t] = series_count_++;
   }
-  for (const MixTask& task : pipeline.tasks) {
-    auto& reads = state.reads.emplace_back();
-    for (const PortInput& port : task.inputs) {
-      if (!port.earlier || std::ranges::find(reads, series_of[port.task]) != reads.end()) continue;
-      reads.push_back(series_of[port.task]);
-    }
-  }
-  if (pipeline.frames) {
-    state.to_fire = std::min<std::int64_t>(*pipeline.frames, scenario_.in_flight[p]);
-  }
-  plan_submission(p, series_of);
-}
-
-/// @param series_of  By task; of those that are read later.
-void Firings::plan_submission(std::uint32_t p, const std::vector<SeriesId>& series_of) {
-  PipelineState& state = pipelines_[p];
-  const Pipeline& pipeline = *state.pipeline;
-  std::size_t edges = 0;
-  for (const MixTask& definition : pipeline.tasks) edges += definition.after.size();
-  state.after.resize(edges);
-  std::span<std::uint32_t> after = state.after;
+  state.after.resize(tasks);
+  state.reads.resize(tasks);
+  state.leads.resize(tasks);
   // What is real-time, or has no deadline, is never taken back.
-  const bool may_leave = pipeline.deadline && !pipeline.real_time;
-  state.leads.resize(pipeline.tasks.size());
-  if (may_leave) state.leads = recall_leads(scenario_, p);
-  for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
+  if (pipeline.deadline && !pipeline.real_time) state.leads = recall_leads(scenario_, p);
+  for (std::size_t t = 0; t < tasks; ++t) {
     const MixTask& definition = pipeline.tasks[t];
     Task& task = state.tasks.emplace_back();
     task.kind = scenario_.classes[p][t];
-    std::ranges::transform(definition.after, after.begin(),
+    std::ranges::transform(definition.after, std::back_inserter(state.after[t]),
                            [](std::size_t each) { return static_cast<std::uint32_t>(each); });
-    task.after_own = after.first(definition.after.size());
-    after = after.subspan(definition.after.size());
+    task.after_own = state.after[t];
     if (definition.state) task.state = static_cast<StateId>(*definition.state);
     if (definition.read_later) task.series = series_of[t];
-    task.reads = state.reads[t];
+    auto& reads = state.reads[t];
+    for (const PortInput& port : definition.inputs) {
+      if (!port.earlier || std::ranges::find(reads, series_of[port.task]) != reads.end()) continue;
+      reads.push_back(series_of[port.task]);
+    }
+    task.reads = reads;
+  }
+  if (pipeline.frames) {
+    state.to_fire = std::min<std::int64_t>(*pipeline.frames, scenario_.in_flight[p]);
   }
 }
 

@@ -122,21 +122,20 @@ class Firings {
   struct PipelineState {
     const Pipeline* pipeline = nullptr;
     std::uint64_t jitter_seed = 0;
-    std::vector<Task> tasks = {};           ///< As submitted last; but for times always the same.
-    std::vector<std::uint32_t> after = {};  ///< What these refer to.
+    std::vector<Task> tasks = {};  ///< As submitted last; but for times always the same.
+    std::vector<std::vector<std::uint32_t>> after = {};  ///< By task: what these refer to,
+    std::vector<std::vector<SeriesId>> reads = {};       ///< likewise.
     std::vector<std::optional<RecallLead>> leads = {};  ///< By task; absent = it is not taken back.
     std::uint32_t image_tasks = 0;
     bool moves_data = false;
     std::int64_t to_fire = 0;  ///< Of a closed loop: at the begin, or in refires_ or starving_.
     std::vector<Series> series = {};
-    std::vector<std::vector<SeriesId>> reads = {};  ///< By task.
-    std::deque<bool> over = {};                     ///< Of firings from first_live on.
+    std::deque<bool> over = {};  ///< Of firings from first_live on.
     std::uint64_t first_live = 0;
     std::map<std::uint64_t, int> kept = {};  ///< By firing: series that keep its image.
   };
 
   void plan(std::uint32_t pipeline);
-  void plan_submission(std::uint32_t pipeline, const std::vector<SeriesId>& series_of);
   void keep(PipelineState& state, std::size_t task, const Made& made);
   [[nodiscard]] std::uint32_t take_loop(Nanos now);
   void end_firing(const Firing& firing, Nanos now);

@@ -4,6 +4,7 @@
 #include <cassert>
 #include <deque>
 #include <functional>
+#include <utility>
 #include <vector>
 
 namespace pirt {
@@ -12,7 +13,7 @@ namespace {
 /// Each server takes one job at a time, in order of arrival.
 class FifoServers final : public Servers {
  public:
-  FifoServers(int servers, Owner* owner) : owner_(owner), idle_(servers) {}
+  FifoServers(int servers, Begins begins) : begins_(std::move(begins)), idle_(servers) {}
 
   void arrive(JobId job, Nanos work, std::uint64_t sequence, Nanos now) override {
     if (idle_ == 0) {
@@ -23,13 +24,14 @@ class FifoServers final : public Servers {
     serve({job, work, sequence}, now);
   }
 
-  bool lengthen(JobId job, Nanos by, Nanos) override {
+  std::optional<Nanos> lengthen(JobId job, Nanos by, Nanos now) override {
     const auto found = std::ranges::find(busy_, job, &Busy::job);
-    if (found == busy_.end()) return false;
+    if (found == busy_.end()) return std::nullopt;
+    const Nanos left = found->end.time - now;
     found->end.time += by;
     std::ranges::make_heap(busy_, std::greater{});
     next_ = busy_.front().end;
-    return true;
+    return left;
   }
 
   JobId complete_next() override {
@@ -87,7 +89,7 @@ class FifoServers final : public Servers {
   };
 
   void serve(const Waiting& job, Nanos now) {
-    const Nanos work = owner_ == nullptr ? job.work : owner_->begins(job.job, job.work);
+    const Nanos work = begins_ ? begins_(job.job, job.work) : job.work;
     busy_.push_back({{now + work, job.sequence}, job.job});
     std::ranges::push_heap(busy_, std::greater{});
     next_ = busy_.front().end;
@@ -105,7 +107,7 @@ class FifoServers final : public Servers {
     }
   }
 
-  Owner* owner_;
+  Begins begins_;
   int idle_;
   std::vector<Busy> busy_;  ///< A heap, earliest first.
   std::deque<Waiting> waiting_;
@@ -122,24 +124,27 @@ class FifoServers final : public Servers {
 /// 1989.
 class SharedServers final : public Servers {
  public:
-  SharedServers(int servers, Owner* owner) : owner_(owner), servers_(servers) {}
+  SharedServers(int servers, Begins begins) : begins_(std::move(begins)), servers_(servers) {}
 
   void arrive(JobId job, Nanos work, std::uint64_t sequence, Nanos now) override {
     progress(fixed(now));
     if (jobs_.empty()) done_ = 0;
-    if (owner_ != nullptr) work = owner_->begins(job, work);
+    if (begins_) work = begins_(job, work);
     jobs_.push_back({done_ + fixed(work), sequence, job});
     std::ranges::push_heap(jobs_, later);
     find_next();
   }
 
-  bool lengthen(JobId job, Nanos by, Nanos now) override {
+  std::optional<Nanos> lengthen(JobId job, Nanos by, Nanos now) override {
     progress(fixed(now));
-    const auto found = std::ranges::find(jobs_, job, &Job::job);
-    if (found != jobs_.end()) found->end += fixed(by);
+    std::optional<Nanos> left;
+    if (const auto found = std::ranges::find(jobs_, job, &Job::job); found != jobs_.end()) {
+      left = round_up(found->end - done_);
+      found->end += fixed(by);
+    }
     std::ranges::make_heap(jobs_, later);
     find_next();
-    return found != jobs_.end();
+    return left;
   }
 
   JobId complete_next() override {
@@ -227,7 +232,7 @@ class SharedServers final : public Servers {
     }
   }
 
-  Owner* owner_;
+  Begins begins_;
   int servers_;
   std::vector<Job> jobs_;          ///< A heap, earliest end first.
   std::deque<Departed> departed_;  ///< Ended, and not yet taken.
@@ -237,11 +242,11 @@ class SharedServers final : public Servers {
 
 }  // namespace
 
-std::unique_ptr<Servers> make_servers(int servers, Discipline discipline, Servers::Owner* owner) {
+std::unique_ptr<Servers> make_servers(int servers, Discipline discipline, Servers::Begins begins) {
   if (discipline == Discipline::kProcessorSharing) {
-    return std::make_unique<SharedServers>(servers, owner);
+    return std::make_unique<SharedServers>(servers, std::move(begins));
   }
-  return std::make_unique<FifoServers>(servers, owner);
+  return std::make_unique<FifoServers>(servers, std::move(begins));
 }
 
 }  // namespace pirt

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -20,28 +21,23 @@ using JobId = std::uint32_t;
 
 class Servers {
  public:
-  /// Whose servers they are.
-  class Owner {
-   public:
-    virtual ~Owner() = default;
-    /// A server begins with the job. @return  The work that it is, @p work so far.
-    virtual Nanos begins(JobId job, Nanos work) = 0;
-  };
+  /// A server begins with the job. @return  The work that it is, @p work so far.
+  using Begins = std::function<Nanos(JobId job, Nanos work)>;
   virtual ~Servers() = default;
   /// @param work      Server time at rate 1, >= 0.
   /// @param sequence  Unique and rising over all arrivals.
   virtual void arrive(JobId job, Nanos work, std::uint64_t sequence, Nanos now) = 0;
-  /// A job needs so much more. False, and it does not, unless it is being served.
+  /// A job needs so much more.
   /// @param now  Not after next().
-  virtual bool lengthen(JobId job, Nanos by, Nanos now) = 0;
+  /// @return     The server time that it needed without that; absent, and it does not need more,
+  /// unless it is being served.
+  virtual std::optional<Nanos> lengthen(JobId job, Nanos by, Nanos now) = 0;
   /// Takes the job whose completion is next(); now == next().time.
   virtual JobId complete_next() = 0;
   /// The job whose completion is next(), if nobody waits to be served in its place.
   [[nodiscard]] virtual std::optional<JobId> unchallenged() const { return std::nullopt; }
   /// It has more work, and stays where it is: what complete_next and arrive come to then.
-  virtual void go_on(Nanos work, std::uint64_t sequence) {
-    static_cast<void>(work), static_cast<void>(sequence);
-  }
+  virtual void go_on(Nanos /*work*/, std::uint64_t /*sequence*/) {}
   /// The job departs without being complete. @return  The server time that it still needed; absent
   /// if it is not here.
   /// @param now  Not after next().
@@ -56,8 +52,8 @@ class Servers {
 };
 
 /// @param servers  >= 1.
-/// @param owner    Is asked when a server begins; null = what arrives is what it takes.
+/// @param begins   Empty = what arrives is what it takes.
 [[nodiscard]] std::unique_ptr<Servers> make_servers(int servers, Discipline discipline,
-                                                    Servers::Owner* owner = nullptr);
+                                                    Servers::Begins begins = {});
 
 }  // namespace pirt

@@ -4,7 +4,6 @@
 #include <functional>
 #include <utility>
 
-#include "scheduler/virtual/job.h"
 #include "scheduler/virtual/virtual_time.h"
 #include "workloads/base/contract.h"
 #include "workloads/base/math/random.h"
@@ -36,7 +35,8 @@ void VirtualTime::suspend(JobIndex index) {
   if (job.computing) {
     tell(&RunObserver::departed, job.unit, index);
   } else if (call_effects_.any()) {
-    job.effects = call_effects_.suspend(job.unit, now_);
+    job.effects = step_of(job).conditions != nullptr ? call_effects_.suspend(job.unit, now_)
+                                                     : CallEffects::Rest{};
   }
 }
 
@@ -52,30 +52,28 @@ void VirtualTime::go_on(JobIndex index) {
   const CallStep& step = step_of(job);
   Nanos passes{0};
   if (was_suspended && call_effects_.any()) {
-    slowed_.clear();
-    const auto resumed =
-        call_effects_.resume(job.unit, job.effects, now_,
-                             hash_u64(random(index), 4 + std::uint64_t{job.slice}), slowed_);
+    const auto resumed = call_effects_.resume(
+        job.unit, job.effects, now_, hash_u64(random(index), 4 + std::uint64_t{job.slice}));
     passes = resumed.passes;
     job.whole = scaled(job.whole, resumed.part);
     job.whole_powered = scaled(job.whole_powered, resumed.part);
     job.rest = scaled(job.rest, resumed.part);
-    if (resumed.part > 0) job.own_w /= resumed.part;
     lengthen_slowed();
   }
-  cut(job, step);
-  job.takes += passes;
+  cut(job, step, passes);
   work_on(index, step);
 }
 
-/// The next slice is what it takes; of a new step, the first.
-void VirtualTime::cut(Job& job, const CallStep& step) const {
+/// The next slice is what it takes, with what passes before that; of a new step, the first.
+void VirtualTime::cut(Job& job, const CallStep& step, Nanos passes) const {
   const double share = (*step.slices)[job.slice];
   const bool last = ++job.slice == step.slices->size();
   job.takes = last ? job.rest : std::min(job.rest, scaled(job.whole, share));
   job.rest -= job.takes;
-  job.powered =
-      scaled(job.whole_powered, job.whole > Nanos::zero() ? to_s(job.takes) / to_s(job.whole) : 0);
+  const double part = job.whole > Nanos::zero() ? to_s(job.takes) / to_s(job.whole) : 0;
+  job.powered = scaled(job.whole_powered, part);
+  job.takes += passes;
+  job.own_w = part * step.own_w(job.takes);
 }
 
 /// The task does not go on where it is, and is placed anew.
@@ -87,7 +85,7 @@ void VirtualTime::take_back(const Recalled& recalled) {
   if (job.suspended) {
     job.paused += now_ - job.suspended_at;
   } else if (!step.for_data && step.servers != CallStep::kDelay) {
-    charge_served(books_, job, servers_[step.servers]->remove(index, now_).value());
+    charge_served(tally_, job, servers_[step.servers]->remove(index, now_).value());
     note_next(step.servers);
     tell(&RunObserver::departed, step.servers, index);
   } else {

@@ -1,10 +1,10 @@
 // What a step takes where that is not always the same: what is drawn, what other calls do to it,
 // and data that is on its way.
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "scheduler/services/transfers.h"
-#include "scheduler/virtual/job.h"
 #include "scheduler/virtual/virtual_time.h"
 #include "workloads/base/math/random.h"
 
@@ -16,30 +16,24 @@ Nanos VirtualTime::data_arrival(JobIndex index) {
   const Job& job = jobs_[index];
   const TaskPlan& plan = plans_[job.plan];
   Nanos arrival = now_;
-  for (const auto& [edge, size_bytes, earlier] : plan.edges) {
-    const Firings::Made& made =
-        earlier ? firings_.made_earlier(index, edge.from) : firings_.made(index, edge.from);
-    arrival = std::max(arrival, made.at + edge.transfer(made.unit, job.unit));
-    if (made.unit == job.unit) continue;
-    const bool leaves = !edge.leave.empty() && edge.leave[made.unit] > Nanos::zero();
-    const Nanos wait = arrival - now_;
-    if (leaves) send(made.unit, size_bytes, made.at, wait);
+  const auto moves = [&](const GraphEdge& edge, UnitId from, Nanos at, Nanos wait) {
+    const bool leaves = !edge.leave.empty() && edge.leave[from] > Nanos::zero();
+    if (leaves) send(from, edge.size_bytes, at, wait);
     if (!edge.enter.empty() && edge.enter[job.unit] > Nanos::zero()) {
-      send(job.unit, size_bytes, leaves ? made.at + edge.leave[made.unit] : made.at, wait);
+      send(job.unit, edge.size_bytes, leaves ? at + edge.leave[from] : at, wait);
     }
+  };
+  for (const GraphEdge& edge : plan.edges) {
+    const Firings::Made& made =
+        edge.earlier ? firings_.made_earlier(index, edge.from) : firings_.made(index, edge.from);
+    arrival = std::max(arrival, made.at + edge.transfer(made.unit, job.unit));
+    if (made.unit != job.unit) moves(edge, made.unit, made.at, arrival - now_);
   }
   if (!plan.state) return arrival;
   const std::optional<UnitId> from = std::exchange(state_units_[*plan.state], job.unit);
   if (!from || *from == job.unit) return arrival;
-  const std::int64_t size_bytes = scenario_.mix.states[*plan.state].size_bytes;
-  const Nanos wait = moving_time(scenario_.platform, *from, job.unit, size_bytes);
-  Nanos begin = now_;
-  for (const UnitId end : {*from, job.unit}) {
-    const Link* link = link_of(scenario_.platform, end);
-    if (link == nullptr) continue;
-    send(end, size_bytes, begin, wait);
-    begin += sending_time(*link, size_bytes) + link->latency.mean();
-  }
+  const Nanos wait = plan.state_edge.transfer(*from, job.unit);
+  moves(plan.state_edge, *from, now_, wait);
   return std::max(arrival, now_ + wait);
 }
 
@@ -50,7 +44,7 @@ Nanos VirtualTime::data_arrival(JobIndex index) {
 void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from, Nanos wait) {
   const Link& link = *link_of(scenario_.platform, unit);
   const Nanos takes = sending_time(link, size_bytes);
-  books_.charge_link(unit, std::clamp(firings_.end() - from, Nanos::zero(), takes));
+  tally_.units[unit].transferring += std::clamp(firings_.end() - from, Nanos::zero(), takes);
   if (observers_.empty() || link.active_w == 0 || takes == Nanos::zero()) return;
   constexpr Nanos kShortest = std::chrono::microseconds(100);
   const Nanos spread = std::clamp(wait, std::min(takes, kShortest), takes);
@@ -81,7 +75,7 @@ void VirtualTime::measure(JobIndex index, const CallStep& step) {
   job.own_w = step.own_w(job.takes);
   if (step.own_j == 0 || job.takes > Nanos::zero()) return;
   // Joules of what takes no time are drawn at once.
-  books_.charge_own(job.unit, step.own_j);
+  tally_.units[job.unit].own_j += step.own_j;
   if (!observers_.empty()) draw_for(job.unit, step.own_j / to_s(Nanos(1)), Nanos(1));
 }
 
@@ -89,7 +83,12 @@ Nanos VirtualTime::begins(JobId index, Nanos work) {
   const CallStep& step = step_of(jobs_[index]);
   if (step.conditions == nullptr || step.slices != nullptr) return work;
   add_effects(index, step);
-  return jobs_[index].takes;
+  Job& job = jobs_[index];
+  if (!observers_.empty()) {  // It may have waited, and have been told of as it was then.
+    job.told_w = power_w(job, step);
+    tell(&RunObserver::draws, step.servers, index, job.told_w);
+  }
+  return job.takes;
 }
 
 /// While a server works on the step. A scaled stage draws less for longer, and so does one with a
@@ -105,35 +104,41 @@ double VirtualTime::power_w(const Job& job, const CallStep& step) const {
 void VirtualTime::add_effects(JobIndex index, const CallStep& step) {
   Job& job = jobs_[index];
   if (step.conditions == nullptr) return;
-  const CallEffects::Execution execution{index, job.unit, workload_of(job), job.takes};
-  slowed_.clear();
-  const Nanos longer = call_effects_.executes(execution, *step.conditions, now_,
-                                              hash_u64(random(index), 2), slowed_);
-  job.powered += step.powered(longer - job.takes);
+  const CallEffects::Execution execution{index, job.unit, workload_of(job), job.takes,
+                                         step.conditions};
+  const Nanos longer = call_effects_.executes(execution, now_, hash_u64(random(index), 2));
+  job.powered += scaled(longer - job.takes, step.energy_scale / step.scale);
   job.takes = longer + std::exchange(job.handover, Nanos::zero());
   if (execution.steady > Nanos::zero()) job.own_w = step.own_w(job.takes);
   lengthen_slowed();
 }
 
 /// What call_effects_ said of others. What follows the slice that is served becomes longer by its
-/// part.
+/// part. A call's own joules stay what they are, so that the rest of them is drawn more slowly.
 void VirtualTime::lengthen_slowed() {
-  for (const auto& [other, unit, by] : slowed_) {
+  for (const auto& [other, unit, by] : call_effects_.slowed()) {
     Job& job = jobs_[other];
     const CallStep& step = step_of(job);
-    const bool sliced = step.slices != nullptr && job.rest > Nanos::zero();
-    // Such a unit has one server, which is the call's.
-    const Nanos left = sliced ? servers_[unit]->next().time - now_ : Nanos::zero();
-    const double longer = sliced ? 1 + to_s(by) / (to_s(left) + to_s(job.rest)) : 1;
-    const Nanos here = sliced ? scaled(left, longer - 1) : by;
-    if (!servers_[unit]->lengthen(other, here, now_)) continue;
-    // What was told of it may have had a hand-over in it, which draws nothing.
-    const double more_w =
-        step.watts * (step.energy_scale / step.scale - to_s(job.powered) / to_s(job.takes));
-    if (!observers_.empty() && here > Nanos::zero() && more_w > 0) draw_for(unit, more_w, here);
+    const Nanos behind = step.slices != nullptr ? job.rest : Nanos::zero();
+    Nanos here = by;
+    if (behind > Nanos::zero()) {  // Such a unit has one server, which is the call's.
+      const double left_s = to_s(servers_[unit]->next().time - now_);
+      here = scaled(by, left_s / (left_s + to_s(behind)));
+    }
+    const std::optional<Nanos> left = servers_[unit]->lengthen(other, here, now_);
+    if (!left) continue;
+    const double longer = 1 + to_s(by) / to_s(*left + behind);
+    const double less_w = job.own_w * (1 - 1 / longer);
+    tally_.units[job.unit].own_j += less_w * to_s(job.takes - *left);
+    job.own_w -= less_w;
+    if (!observers_.empty() && *left + here > Nanos::zero()) {
+      const double more_j = step.watts * (step.energy_scale / step.scale) * to_s(here);
+      job.told_w = (job.told_w * to_s(*left) + more_j) / to_s(*left + here);
+      tell(&RunObserver::draws, unit, other, job.told_w);
+    }
     job.takes += here;
-    job.powered += scaled(here, step.energy_scale);
-    if (sliced) {
+    job.powered += scaled(here, step.energy_scale / step.scale);
+    if (behind > Nanos::zero()) {
       job.rest += by - here;
       job.whole = scaled(job.whole, longer);
       job.whole_powered = scaled(job.whole_powered, longer);

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "characterize/platform/elsewhere.h"
-#include "scheduler/virtual/job.h"
 #include "workloads/base/error.h"
 #include "workloads/base/math/random.h"
 
@@ -19,8 +18,6 @@ constexpr Nanos kLongestRun = std::chrono::years(20);
 
 }  // namespace
 
-VirtualTime::~VirtualTime() = default;
-
 VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher,
                          std::vector<RunObserver*> observers, Executor* executor, UnitMask computed)
     : scenario_(scenario),
@@ -30,11 +27,17 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher,
       computed_(computed),
       firings_(scenario, executor != nullptr),
       completions_(scenario.platform.units.size() + scenario.platform.links.size()),
-      books_(scenario),
       call_effects_(scenario) {
-  for (const auto& unit : scenario.platform.units)
-    servers_.push_back(
-        make_servers(unit.servers, unit.discipline, call_effects_.any() ? this : nullptr));
+  const std::size_t units = scenario.platform.units.size();
+  tally_.units.resize(units);
+  tally_.calls.assign(scenario.services.workloads.size(), std::vector<Histogram>(units));
+  Servers::Begins begins_job;
+  if (call_effects_.any()) {
+    begins_job = [this](JobId job, Nanos work) { return begins(job, work); };
+  }
+  for (const auto& unit : scenario.platform.units) {
+    servers_.push_back(make_servers(unit.servers, unit.discipline, begins_job));
+  }
   for (std::size_t i = 0; i < scenario.platform.links.size(); ++i) {
     servers_.push_back(make_servers(1, Discipline::kFifo));
   }
@@ -45,9 +48,7 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher,
     templates_.push_back(dispatcher.add_template(firings_.tasks(static_cast<std::uint32_t>(p))));
   }
   lay_out_steps();
-  for (UnitId unit = 0; unit < scenario.platform.units.size(); ++unit) {
-    contexts_.push_back(first_context(unit));
-  }
+  for (UnitId unit = 0; unit < units; ++unit) contexts_.push_back(first_context(unit));
   state_units_.resize(scenario.mix.states.size());
 }
 
@@ -85,9 +86,9 @@ Tally VirtualTime::run() {
 
 Tally VirtualTime::finish() {
   if (!at_end_) {
-    close_books(scenario_.mix.open_loop() ? firings_.end() : books_.last_completion());
+    close_books(scenario_.mix.open_loop() ? firings_.end() : tally_.last_completion);
   }
-  at_end_->last_completion = books_.last_completion();
+  at_end_->last_completion = tally_.last_completion;
   at_end_->stalled = dispatcher_.counts().queued();
   return *std::move(at_end_);
 }
@@ -95,34 +96,42 @@ Tally VirtualTime::finish() {
 /// What has been counted by now is what the run returns, with the served part of what is at the
 /// servers: steps are charged as they depart.
 void VirtualTime::close_books(Nanos end) {
-  Books books = books_;
+  Tally tally = tally_;
   for (const auto& servers : servers_) {
     for (const auto& [index, remaining] : servers->remaining(end)) {
-      charge_served(books, jobs_[index], remaining);
+      charge_served(tally, jobs_[index], remaining);
     }
   }
   for (const Timer& timer : timers_) {
     if (timer.kind != TimerKind::kDelay || jobs_[timer.index].own_w == 0) continue;
     const Job& job = jobs_[timer.index];
     const Nanos passed = job.takes - (timer.moment.time - end);
-    books.charge_own(job.unit, job.own_w * to_s(std::max(passed, Nanos::zero())));
+    tally.units[job.unit].own_j += job.own_w * to_s(std::max(passed, Nanos::zero()));
   }
   for (const Job& job : jobs_) {
     if (!job.computing || job.started_at >= end) continue;
     const Nanos busy =
         (job.suspended ? std::min(job.suspended_at, end) : end) - job.started_at - job.paused;
     const bool draws = draws_in(scenario_.platform.units[job.unit], Phase::kExecute);
-    books.charge_computed(workload_of(job), job.unit, busy, draws ? busy : Nanos::zero(),
-                          part_served(job, busy));
+    charge_computed(tally, job, busy, draws ? busy : Nanos::zero(), part_served(job, busy));
   }
-  at_end_ = std::move(books).close(end, dispatcher_.counts(), firings_);
+  tally.end = end;
+  tally.tasks = dispatcher_.counts();
+  tally.refused_tasks = firings_.refused_tasks();
+  tally.pipelines = firings_.tallies();
+  firings_.count_unfinished(tally.pipelines, end);
   for (JobIndex job = 0; job < jobs_.size(); ++job) {
     if (dispatcher_.state(jobs_[job].id) != TaskState::kRunning) continue;
-    at_end_->pipelines[firings_.place(job).pipeline].ran = true;
+    tally.pipelines[firings_.place(job).pipeline].ran = true;
   }
+  at_end_ = std::move(tally);
 }
 
 WorkloadId VirtualTime::workload_of(const Job& job) const { return plans_[job.plan].workload; }
+
+const Service& VirtualTime::service_of(const Job& job) const {
+  return *scenario_.services.find(workload_of(job), job.unit);
+}
 
 const CallStep& VirtualTime::step_of(const Job& job) const { return *steps_[job.step].plan; }
 
@@ -165,7 +174,7 @@ bool VirtualTime::advance(Nanos now) {
     note_next(position);
     Job& job = jobs_[index];
     const CallStep& step = step_of(job);
-    charge(books_, job, job.takes, job.powered);
+    charge(tally_, job, job.takes, job.powered);
     tell(&RunObserver::departed, step.servers, index);
     if (step.slices != nullptr && job.rest > Nanos::zero()) {
       end_slice(index);
@@ -205,7 +214,7 @@ bool VirtualTime::go_on_serving(std::size_t servers) {
   Job& job = jobs_[*index];
   const Step& step = steps_[job.step];
   if (!step.goes_on) return false;
-  charge(books_, job, job.takes, job.powered);
+  charge(tally_, job, job.takes, job.powered);
   const Step& next = steps_[++job.step];
   job.takes = next.takes;
   job.powered = next.powered;
@@ -226,10 +235,10 @@ void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
   catch_up(now);
   Job& job = jobs_[index];
   job.computing = false;
-  books_.charge_computed(workload_of(job), job.unit, end.busy, end.powered.value_or(end.busy),
-                         end.outcome == Outcome::kCompleted ? 1 : part_served(job, end.busy));
+  charge_computed(tally_, job, end.busy, end.powered.value_or(end.busy),
+                  end.outcome == Outcome::kCompleted ? 1 : part_served(job, end.busy));
   if (end.preparing) {
-    books_.count_preparing(job.unit, *end.preparing);
+    tally_.units[job.unit].preparing += *end.preparing;
     prepared(job, job.started_at, *end.preparing);
   }
   if (!std::exchange(job.suspended, false)) tell(&RunObserver::departed, job.unit, index);
@@ -337,8 +346,7 @@ void VirtualTime::note_arrival(JobIndex index) {
   const CallPlan& call = plans_[job.plan].calls[job.unit];
   const Nanos expected = call.takes(Taken::kMean);
   const double own_w = expected > Nanos::zero() ? call.own_j() / to_s(expected) : 0;
-  const bool metered = books_.is_metered(workload_of(job), job.unit);
-  tell(&RunObserver::arrived, job.unit, index, own_w + (metered ? 0 : active_w));
+  tell(&RunObserver::arrived, job.unit, index, own_w + (service_of(job).metered_j ? 0 : active_w));
 }
 
 /// What the unit holds at first: the first of the mix that it may have to.
@@ -353,7 +361,7 @@ std::optional<std::uint32_t> VirtualTime::first_context(UnitId unit) const {
 
 void VirtualTime::prepared(Job& job, Nanos at, Nanos takes) {
   job.preparing = takes;
-  books_.count_prepare(job.unit);
+  ++tally_.units[job.unit].prepares;
   tell(&RunObserver::preparing, job.id, at, takes);
 }
 
@@ -395,27 +403,50 @@ void VirtualTime::work_on(JobIndex index, const CallStep& step) {
   servers_[step.servers]->arrive(index, jobs_[index].takes, sequence_++, now_);
   note_next(step.servers);
   if (observers_.empty()) return;
-  tell(&RunObserver::arrived, step.servers, index, power_w(jobs_[index], step));
+  Job& job = jobs_[index];
+  job.told_w = power_w(job, step);
+  tell(&RunObserver::arrived, step.servers, index, job.told_w);
 }
 
-/// @param job  At the servers of its step, which have worked on that for so long.
-void VirtualTime::charge(Books& books, const Job& job, Nanos served, Nanos powered) const {
-  books.charge(step_of(job), job.unit, served, powered,
-               job.own_w == 0 ? 0 : job.own_w * to_s(served));
+/// @param job      At the servers of its step, which have worked on that for so long.
+/// @param powered  The part that draws the unit's active_w.
+void VirtualTime::charge(Tally& tally, const Job& job, Nanos served, Nanos powered) const {
+  const CallStep& step = step_of(job);
+  UnitTally& its = tally.units[job.unit];
+  if (job.own_w != 0) its.own_j += job.own_w * to_s(served);
+  if (step.servers < tally.units.size()) {
+    UnitTally& served_by = tally.units[step.servers];
+    served_by.busy += served;
+    served_by.powered += powered;
+    if (step.prepares) served_by.preparing += std::min(served, step.scaled);
+  } else {
+    its.transferring += served;
+  }
 }
 
 /// The same of one that still needs so much.
-void VirtualTime::charge_served(Books& books, const Job& job, Nanos remaining) const {
+void VirtualTime::charge_served(Tally& tally, const Job& job, Nanos remaining) const {
   const Nanos served = job.takes - remaining;
   if (served <= Nanos::zero()) return;
-  charge(books, job, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
+  charge(tally, job, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
+}
+
+/// A call that is computed has occupied its unit, and drawn its active_w for part of that.
+/// @param own_part  Of its own joules, the part that was served.
+void VirtualTime::charge_computed(Tally& tally, const Job& job, Nanos busy, Nanos powered,
+                                  double own_part) const {
+  UnitTally& unit = tally.units[job.unit];
+  const Service& service = service_of(job);
+  unit.busy += busy;
+  if (!service.metered_j) unit.powered += powered;
+  unit.own_j += own_part * service.fixed_j();
 }
 
 /// Of the job's delay so much has passed, and no more of it will.
 void VirtualTime::charge_delay(JobIndex index, Nanos passed) {
   const Job& job = jobs_[index];
   if (job.own_w == 0) return;
-  books_.charge_own(job.unit, job.own_w * to_s(passed));
+  tally_.units[job.unit].own_j += job.own_w * to_s(passed);
   tell(&RunObserver::drawing, job.unit, -job.own_w);
 }
 
@@ -446,14 +477,16 @@ void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
     call_effects_.ended(done.unit, workload_of(done), job, now_);
   }
   must(dispatcher_.complete(done.unit, done.id, outcome, now_, effects_));
-  books_.note_end(now_);
+  tally_.last_completion = now_;
   if (outcome == Outcome::kReturned) {
     ++done.tries;
     return;
   }
   if (outcome == Outcome::kFailed) return release(firings_.end_task(job, TaskEnd::kFailed, now_));
-  const Nanos latency = now_ - done.dispatched_at;
-  books_.count_completed(workload_of(done), done.unit, took - done.preparing, latency);
+  UnitTally& unit = tally_.units[done.unit];
+  ++unit.completed;
+  unit.latency.add(now_ - done.dispatched_at);
+  tally_.calls[workload_of(done)][done.unit].add(took - done.preparing);
   release(firings_.complete(job, done.unit, now_, std::move(data)));
 }
 

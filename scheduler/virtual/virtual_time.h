@@ -6,6 +6,7 @@
 // runs the tasks of some units himself.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -20,10 +21,11 @@
 #include "scheduler/services/call_plan.h"
 #include "scheduler/services/scenario.h"
 #include "scheduler/trace/run_observer.h"
-#include "scheduler/virtual/books.h"
 #include "scheduler/virtual/call_effects.h"
 #include "scheduler/virtual/firings.h"
+#include "scheduler/virtual/moments.h"
 #include "scheduler/virtual/servers.h"
+#include "workloads/base/contract.h"
 
 namespace pirt {
 
@@ -50,14 +52,13 @@ class Executor {
 };
 
 /// One run. Its references must outlive it.
-class VirtualTime final : private Servers::Owner {
+class VirtualTime final {
  public:
   /// @param observers  Hear of it, one after the other.
   /// @param executor  Of the units of @p computed; null = all are modelled.
   VirtualTime(const Scenario& scenario, Dispatcher& dispatcher,
               std::vector<RunObserver*> observers = {}, Executor* executor = nullptr,
               UnitMask computed = 0);
-  ~VirtualTime() override;
   /// Until nothing is left to happen. Call once.
   /// @return  What was counted by the end: the duration with an open loop, else the last event.
   [[nodiscard]] Tally run();
@@ -86,12 +87,49 @@ class VirtualTime final : private Servers::Owner {
   [[nodiscard]] Outcome intended(JobIndex job) const;
 
  private:
-  struct Job;
-  struct Timer;
+  /// What it knows of a live task.
+  struct Job {
+    TaskId id = 0;
+    std::uint32_t plan = 0;
+    UnitId unit = 0;
+    std::uint32_t step = 0;   ///< Position in steps_.
+    std::uint32_t tries = 0;  ///< Before this one.
+    bool computing = false;   ///< By the executor.
+    Nanos started_at{0};
+    Nanos dispatched_at{0};
+    Nanos takes{0};      ///< Server time of its step,
+    Nanos powered{0};    ///< the part of it that draws the unit's active_w,
+    double own_w = 0;    ///< and what it draws beside that, of the call's own joules.
+    double told_w = 0;   ///< What who follows was told that it draws.
+    Nanos preparing{0};  ///< What this try has spent on it.
+    Nanos handover{0};   ///< Until its first step on its unit; then zero.
+    // Of a step with slices: all of it, and what follows the slice that is served.
+    Nanos whole{0}, whole_powered{0}, rest{0};
+    std::uint32_t slice = 0;
+    // Of a task that was suspended between two slices.
+    bool suspended = false;  ///< It is,
+    Nanos suspended_at{0};   ///< since then,
+    Nanos paused{0};         ///< and was before for so long.
+    CallEffects::Rest effects = {};
+
+    /// The task is submitted. What else is here is set where it comes to that.
+    void begin(TaskId task, std::uint32_t its_plan) {
+      id = task;
+      plan = its_plan;
+      tries = 0;
+      computing = suspended = false;
+    }
+  };
   enum class TimerKind : std::uint8_t {
     kFires,  ///< A pipeline.
     kDelay,  ///< A job's delay ends.
     kDrawn,  ///< Something has been drawn: a slot of draws_.
+  };
+  struct Timer {
+    Moment moment;
+    TimerKind kind = TimerKind::kFires;
+    std::uint32_t index = 0;  ///< Of the pipeline, the job or the draw.
+    friend auto operator<=>(const Timer&, const Timer&) = default;
   };
   /// A step of a plan, laid out for the run: those of a task on a unit follow each other, and then
   /// one without a plan.
@@ -104,6 +142,8 @@ class VirtualTime final : private Servers::Owner {
     bool goes_on = false;
   };
 
+  /// What the dispatcher refuses here would be this driver's mistake.
+  static void must(bool taken) { expect(taken, "the dispatcher refused an input of virtual time"); }
   void lay_out_steps();
   void catch_up(Nanos now);
   /// Who follows hears of it.
@@ -120,13 +160,15 @@ class VirtualTime final : private Servers::Owner {
   void begin_step(JobIndex job);
   [[nodiscard]] bool holds_context(Job& job, const CallStep& step);
   void measure(JobIndex job, const CallStep& step);
-  Nanos begins(JobId job, Nanos work) override;
-  void charge(Books& books, const Job& job, Nanos served, Nanos powered) const;
-  void charge_served(Books& books, const Job& job, Nanos remaining) const;
+  Nanos begins(JobIndex job, Nanos work);
+  void charge(Tally& tally, const Job& job, Nanos served, Nanos powered) const;
+  void charge_served(Tally& tally, const Job& job, Nanos remaining) const;
+  void charge_computed(Tally& tally, const Job& job, Nanos busy, Nanos powered,
+                       double own_part) const;
   void charge_delay(JobIndex job, Nanos passed);
   [[nodiscard]] double part_served(const Job& job, Nanos busy) const;
   void work_on(JobIndex job, const CallStep& step);
-  void cut(Job& job, const CallStep& step) const;
+  void cut(Job& job, const CallStep& step, Nanos passes = Nanos::zero()) const;
   void end_slice(JobIndex job);
   void suspend(JobIndex job);
   void go_on(JobIndex job);
@@ -146,6 +188,7 @@ class VirtualTime final : private Servers::Owner {
   void draw_for(std::size_t servers, double watts, Nanos time);
   [[nodiscard]] const CallStep& step_of(const Job& job) const;
   [[nodiscard]] WorkloadId workload_of(const Job& job) const;
+  [[nodiscard]] const Service& service_of(const Job& job) const;
   [[nodiscard]] std::optional<std::uint32_t> first_context(UnitId unit) const;
   void prepared(Job& job, Nanos at, Nanos takes);
   [[nodiscard]] std::uint64_t random(JobIndex job) const;
@@ -181,9 +224,8 @@ class VirtualTime final : private Servers::Owner {
   Effects effects_;
   std::vector<Recalled> recalled_;  ///< Of effects_, for its memory.
   std::vector<int> waiting_;        ///< For the observers.
-  Books books_;
+  Tally tally_;                     ///< Of all that has happened, but for what others count.
   CallEffects call_effects_;
-  std::vector<CallEffects::Slowed> slowed_;
   /// Servers, and what is drawn beside them; only where somebody follows.
   SlotTable<std::pair<std::size_t, double>> draws_;
   std::optional<Tally> at_end_;  ///< What is returned.

@@ -5,6 +5,7 @@
 
 #include "characterize/statistics/statistics.h"
 #include "scheduler/record/interval.h"
+#include "tests/scheduler/profile_rows.h"
 #include "tests/scheduler/virtual/virtual_support.h"
 #include "workloads/base/math/gaussian.h"
 
@@ -16,7 +17,7 @@ using testing::IsEmpty;
 using testing::Key;
 
 constexpr const char* kTwoMeasured = R"(
-platform: two
+platform: board
 units:
   cpu: {backend: fake, slots: 1, active_w: 2, idle_w: 0.5}
   gpu: {backend: fake, slots: 1, active_w: 4, idle_w: 0.5}
@@ -31,22 +32,9 @@ pipelines:
 const std::vector<std::string> kWorkloads = {"fc8", "pool1", "sobel"};
 
 PhaseRow row(const std::string& workload, const std::string& unit, double ms) {
-  PhaseRow row;
-  row.platform = "two";
-  row.workload = workload;
-  row.unit = unit;
-  row.backend = "fake";
-  row.median = row.p95 = row.p99 = from_ms(ms);
+  PhaseRow row = row_of(workload, unit, Phase::kCall, from_ms(ms));
+  row.mean.reset();
   return row;
-}
-
-Profile profile_of(std::vector<PhaseRow> rows) {
-  Profile profile;
-  profile.path = "p.db";
-  profile.runs.resize(1);
-  profile.runs[0].platform = "two";
-  profile.phases = std::move(rows);
-  return profile;
 }
 
 /// What calls take, by workload and unit.

@@ -209,11 +209,7 @@ class Script {
   }
   /// One that is to have completed elsewhere than in the cloud by then.
   std::string submit_recalled(TaskId id, TaskClass kind, Nanos at) {
-    return submit_all(id, {{.id = id,
-                            .kind = kind,
-                            .deadline = {},
-                            .expires_at = {},
-                            .recall = Recall{at, unit_bit(kCloud)}}});
+    return submit_all(id, {{.id = id, .kind = kind, .recall = Recall{at, unit_bit(kCloud)}}});
   }
   bool release(FiringId firing) { return dispatcher_->release(firing, now_); }
   std::string complete(UnitId unit, TaskId id, Outcome outcome = Outcome::kCompleted) {

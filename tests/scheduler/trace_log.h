@@ -2,10 +2,11 @@
 #pragma once
 
 #include <filesystem>
+#include <utility>
 #include <vector>
 
 #include "scheduler/trace/replay.h"
-#include "scheduler/trace/trace_reader.h"
+#include "scheduler/trace/trace_document.h"
 
 namespace pirt::test {
 
@@ -16,10 +17,13 @@ struct TraceLog {
 };
 
 inline TraceLog load_trace_log(const std::filesystem::path& path) {
-  TraceReader reader(path);
-  TraceLog log{.setup = reader.setup(), .entries = {}};
-  while (auto entry = reader.next()) log.entries.push_back(*std::move(entry));
-  log.complete = !reader.ends_in_the_middle();
+  TraceLog log;
+  LogFile file = read_log(path, [&log](const DispatcherSetup& /*setup*/, LogEntry entry) {
+    log.entries.push_back(std::move(entry));
+    return true;
+  });
+  log.setup = std::move(file.setup);
+  log.complete = file.complete;
   return log;
 }
 

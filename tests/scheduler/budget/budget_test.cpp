@@ -33,6 +33,14 @@ RunRecord run(const Platform& platform, const Mix& mix, const std::string& mode,
   return run_virtual(platform, nullptr, mix, options);
 }
 
+RunRecord run_for(double seconds, const Platform& platform, const Mix& mix,
+                  const std::string& mode = "budget") {
+  ScheduleOptions options;
+  options.mode = mode;
+  options.duration = from_s(seconds);
+  return run_virtual(platform, nullptr, mix, options);
+}
+
 std::int64_t misses(const RunRecord& record) {
   std::int64_t sum = 0;
   for (const auto& pipeline : record.pipelines) sum += pipeline.deadline_misses.value_or(0);
@@ -83,6 +91,25 @@ TEST(Budget, NeedsLittleMoreThanTheLeastEnergyForARate) {
   }
 }
 
+// Two units of 5 ms each: 0.4 tasks a millisecond with two frames in flight, 0.2 with one.
+TEST(Budget, SeesWhatAClosedLoopBesideARateComesTo) {
+  const auto platform = platform_of(
+      "platform: three\nunits: {a: {slots: 1, active_w: 1}, b: {slots: 1, active_w: 2}, c: {slots: "
+      "1, active_w: 1}}\n");
+  const auto mix = mix_of(
+      "mix: m\npipelines:\n"
+      "  slow: {rate_hz: 1, tasks: [{name: s, service_ms: {c: 1}}]}\n"
+      "  loop: {closed_loop: {frames: 1000000}, tasks: [{name: l, service_ms: {a: 5, b: 5}}]}\n");
+  EXPECT_GE(*run_for(10, platform, mix).throughput_per_ms,
+            0.99 * *run_for(10, platform, mix, "ect").throughput_per_ms);
+}
+
+TEST(Budget, KeepsThePlatformsFramesInFlight) {
+  auto platform = load_platform("snapdragon820");
+  platform.modes["budget"].in_flight = 3;
+  EXPECT_EQ(run(platform, load_mix("convolution-1000"), "budget").in_flight, 3);
+}
+
 /// A planner with 6 ms, and a long job; one core.
 const std::string kOneCore = R"(
 platform: one
@@ -101,26 +128,21 @@ TEST(Budget, LeavesAUnitIdleRatherThanBeginWhatWouldOverrunAPlan) {
   // has to have begun by 305.
   const auto platform = platform_of(kOneCore);
   const auto mix = mix_of(planner_and_job("", 60));
-  ScheduleOptions options;
-  options.duration = from_s(60);
-  EXPECT_EQ(misses(run(platform, mix, options)), 0);
-  EXPECT_EQ(run(platform, mix, options).pipelines[1].completed, 240);
-  options.mode = "edf";
-  EXPECT_GT(misses(run(platform, mix, options)), 100);
+  const auto expect_all = [&](const Mix& each) {
+    const auto record = run_for(60, platform, each);
+    EXPECT_EQ(misses(record), 0);
+    EXPECT_EQ(record.pipelines[1].completed, 240);
+  };
+  expect_all(mix);
+  EXPECT_GT(misses(run_for(60, platform, mix, "edf")), 100);
   // With jitter the plan of 300 may come at any moment until 320.
-  options.mode = "budget";
-  const auto jitter = mix_of(planner_and_job("offset_ms: 30, jitter_ms: 20, ", 60));
-  const auto record = run(platform, jitter, options);
-  EXPECT_EQ(misses(record), 0);
-  EXPECT_EQ(record.pipelines[1].completed, 240);
+  expect_all(mix_of(planner_and_job("offset_ms: 30, jitter_ms: 20, ", 60)));
 }
 
 TEST(Budget, WhatFitsNowhereWaitsForTheEnd) {
   const auto platform = platform_of(kOneCore);
   const auto mix = mix_of(planner_and_job("", 120));
-  ScheduleOptions options;
-  options.duration = from_s(2);
-  const auto record = run(platform, mix, options);
+  const auto record = run_for(2, platform, mix);
   EXPECT_EQ(misses(record), 0);
   EXPECT_EQ(record.pipelines[1].completed, 0);
   EXPECT_EQ(record.pipelines[1].unfinished, 8);
@@ -130,22 +152,25 @@ TEST(Budget, WhatFitsNowhereWaitsForTheEnd) {
   EXPECT_THAT(record.warnings, testing::Contains(HasSubstr("never ran: mapping: of 8 firings")));
 }
 
+/// A task of the pipeline, alone there, that may go to @p units of @p count.
+BudgetPlan::Task task_on(std::vector<UnitId> units, std::size_t count, std::uint32_t pipeline,
+                         int ms) {
+  return {.pipeline = pipeline,
+          .first = true,
+          .units = std::move(units),
+          .capacity = std::vector<int>(count, 1),
+          .share = std::vector<double>(count, 1),
+          .worst = std::vector<Nanos>(count, milliseconds(ms)),
+          .context = std::vector<std::uint32_t>(count, pipeline),
+          .prepare = std::vector<Nanos>(count, Nanos(0)),
+          .window_j = std::vector<double>(count, 0)};
+}
+
 /// One pipeline that fires each 100 ms with a deadline of 10 and takes 2, and one without.
 BudgetPlan small_plan() {
   BudgetPlan plan;
-  const auto task = [](std::uint32_t pipeline, int ms) {
-    return BudgetPlan::Task{.pipeline = pipeline,
-                            .first = true,
-                            .pinned = pipeline == 0,
-                            .units = {0},
-                            .capacity = {1},
-                            .share = {1},
-                            .worst = {milliseconds(ms)},
-                            .context = {pipeline},
-                            .prepare = {Nanos(0)},
-                            .window_j = {0}};
-  };
-  plan.tasks = {task(0, 2), task(1, 50)};
+  plan.tasks = {task_on({0}, 1, 0, 2), task_on({0}, 1, 1, 50)};
+  plan.tasks[0].pinned = true;
   plan.pipelines = {{.rate_hz = 10.0, .jitter = milliseconds(5), .deadline = milliseconds(10)}, {}};
   return plan;
 }
@@ -209,9 +234,7 @@ TEST(Budget, AClosedLoopRunsInTheGapsThatGuaranteesLeave) {
       "describe_scene}]}\n"
       "  urgent: {rate_hz: 20, deadline_ms: 25, jitter_ms: 5, tasks: [{name: t, service_ms: {cpu: "
       "11.5}}]}\n");
-  ScheduleOptions options;
-  options.duration = from_s(60);
-  const auto record = run(platform, mix, options);
+  const auto record = run_for(60, platform, mix);
   EXPECT_EQ(record.pipelines[1].guaranteed, true);
   EXPECT_EQ(misses(record), 0);
   EXPECT_GT(record.pipelines[0].completed, 100);
@@ -226,9 +249,7 @@ TEST(Budget, NothingWaitsForEverForWhatWaitsForItsState) {
       "mix: m\npipelines:\n"
       "  pose: {rate_hz: 100, deadline_ms: 8, tasks: [{workload: update_pose, state: s}]}\n"
       "  fix: {rate_hz: 0.01, offset_ms: 55009, tasks: [{workload: update_pose, state: s}]}\n");
-  ScheduleOptions options;
-  options.duration = from_s(60);
-  const auto record = run(platform, mix, options);
+  const auto record = run_for(60, platform, mix);
   EXPECT_EQ(record.completed, record.submitted);
   EXPECT_LE(misses(record), 1);
 }
@@ -259,9 +280,7 @@ TEST(Budget, GuaranteesNothingWhereACallMeetsAnotherOfItsWorkload) {
       "  slow: {rate_hz: 1, deadline_ms: 900, tasks: [{workload: bundle_adjust}]}\n"
       "  fast: {rate_hz: 5, offset_ms: 10, deadline_ms: 140, tasks: [{workload: "
       "bundle_adjust}]}\n");
-  ScheduleOptions options;
-  options.duration = from_s(10);
-  const auto record = run(platform, mix, options);
+  const auto record = run_for(10, platform, mix);
   EXPECT_EQ(record.pipelines[1].not_analysed,
             "calls of bundle_adjust on cpu let none of bundle_adjust in");
   EXPECT_FALSE(record.pipelines[1].guaranteed.value_or(false));
@@ -277,9 +296,7 @@ TEST(Budget, AFiringThatHoldsAStateTwiceTakesBothAfterEachOther) {
       "mix: m\npipelines:\n  p: {rate_hz: 10, deadline_ms: 50, tasks: [{name: a, workload: "
       "background_model, eligible: [cpu]}, {name: b, workload: background_model, eligible: "
       "[gpu]}]}\n");
-  ScheduleOptions options;
-  options.duration = from_s(2);
-  const auto record = run(platform, mix, options);
+  const auto record = run_for(2, platform, mix);
   EXPECT_EQ(record.pipelines[0].guaranteed, false);
   EXPECT_EQ(record.pipelines[0].response_bound_ms, 60);
 }
@@ -297,10 +314,8 @@ TEST(Budget, GuaranteesNothingThatMayFindNoImageBufferOrExpire) {
       "  e: {rate_hz: 10, deadline_ms: 50, expires_ms: 20, tasks: [{name: t, service_ms: {cpu: "
       "1}}]}\n";
   const auto first_of = [&](const std::string& pipelines) {
-    ScheduleOptions options;
-    options.duration = from_s(2);
-    return run(platform, mix_of("mix: m\nimage_buffers: 1\npipelines:\n" + pipelines), options)
-        .pipelines.front();
+    const auto mix = mix_of("mix: m\nimage_buffers: 1\npipelines:\n" + pipelines);
+    return run_for(2, platform, mix).pipelines.front();
   };
   EXPECT_EQ(first_of(cam + hog).not_analysed, "may find no image buffer");
   EXPECT_EQ(first_of(cam).guaranteed, true) << "it has the buffer to itself";
@@ -313,9 +328,7 @@ TEST(Budget, ADeadlineMayBeManyPeriodsOfOthersLong) {
       "mix: m\npipelines:\n"
       "  imu: {rate_hz: 1000, deadline_ms: 1, tasks: [{name: i, service_ms: {cpu: 0.1}}]}\n"
       "  log: {rate_hz: 1, deadline_ms: 1e9, tasks: [{name: l, service_ms: {cpu: 0.2}}]}\n");
-  ScheduleOptions options;
-  options.duration = from_s(1);
-  const auto record = run(platform_of(kOneCore), mix, options);
+  const auto record = run_for(1, platform_of(kOneCore), mix);
   EXPECT_EQ(record.pipelines[0].guaranteed, true);
   EXPECT_EQ(record.pipelines[1].guaranteed, true);
 }
@@ -392,16 +405,10 @@ Script without_a_mix() {
   PolicySetup setup;
   setup.roles = {Role::kGpu, Role::kDsp};
   setup.servers = {1, 1};
-  const auto add = [&](UnitId unit, int ms) {
-    setup.budget.tasks.push_back({.pipeline = static_cast<std::uint32_t>(setup.budget.tasks.size()),
-                                  .units = {unit},
-                                  .capacity = {1, 1},
-                                  .share = {1, 1},
-                                  .worst = {milliseconds(ms), milliseconds(ms)},
-                                  .context = {0, 0},
-                                  .prepare = {Nanos(0), Nanos(0)},
-                                  .window_j = {0, 0}});
-    setup.budget.pipelines.emplace_back();
+  const auto add = [&budget = setup.budget](UnitId unit, int ms) {
+    const auto pipeline = static_cast<std::uint32_t>(budget.tasks.size());
+    budget.tasks.push_back(task_on({unit}, 2, pipeline, ms));
+    budget.pipelines.emplace_back();
   };
   for (const int ms : {25, 50, 20}) add(kGpu, ms);
   add(kDsp, 10);
@@ -597,13 +604,8 @@ TEST(Budget, ItsOptionsAreItsOwn) {
 TEST(Budget, ServesWithWhatIsLeftWhenAUnitGoes) {
   // Two units; the tasks' own is the gpu. While it is away the cpu serves them.
   BudgetPlan plan = small_plan();
-  plan.tasks.resize(1);
-  plan.tasks[0].units = {0, 2};
-  for (auto* each : {&plan.tasks[0].worst, &plan.tasks[0].prepare}) each->resize(4);
-  plan.tasks[0].capacity = {1, 0, 1, 0};
-  plan.tasks[0].share.resize(4, 1);
-  plan.tasks[0].context.resize(4);
-  plan.tasks[0].window_j.resize(4);
+  plan.tasks = {task_on({0, 2}, 4, 0, 2)};
+  plan.tasks[0].pinned = true;
   PolicySetup setup = setup_of(1, 1, 1);
   setup.servers = {1, 1, 1, 1};
   setup.budget = plan;

@@ -1,5 +1,5 @@
-// Mode budget on random systems: what it guarantees is kept, what draws keeps the cap, and it is
-// not late where a mode that plans nothing is not.
+// Mode budget on random systems: what it guarantees is kept, what draws keeps the cap, and it keeps
+// up where a mode that plans nothing does.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -140,6 +140,11 @@ TEST(RandomSystems, WhatIsGuaranteedIsNeverLate) {
     for (std::uint64_t seed = 0; seed < 150; ++seed) {
       const RunRecord record = run(Generator(seed, kind).make(), "budget");
       for (const PipelineResult& pipeline : record.pipelines) {
+        if (pipeline.response_bound_ms && pipeline.p99_ms) {
+          // A histogram is off by at most 0.1 %.
+          EXPECT_LE(*pipeline.p99_ms, *pipeline.response_bound_ms * 1.001)
+              << "seed " << seed << ", " << pipeline.pipeline;
+        }
         if (!pipeline.guaranteed.value_or(false)) continue;
         ++guaranteed;
         EXPECT_EQ(pipeline.deadline_misses, 0) << "seed " << seed << ", " << pipeline.pipeline;
@@ -161,17 +166,61 @@ TEST(RandomSystems, NoSecondIsAboveTheCapUnseen) {
   EXPECT_GT(capped, 50);
 }
 
-TEST(RandomSystems, WhereAModeThatPlansNothingIsNeverLateItIsNotEither) {
+TEST(RandomSystems, WhereAModeThatPlansNothingKeepsUpItDoesToo) {
   int kept = 0;
   for (std::uint64_t seed = 0; seed < 150; ++seed) {
     const System system = Generator(seed, kPlain).make();
-    const std::int64_t least =
-        std::min(real_time_losses(run(system, "edf")), real_time_losses(run(system, "ect")));
-    if (least > 0) continue;
+    if (!keeps_up(run(system, "edf")) && !keeps_up(run(system, "ect"))) continue;
     ++kept;
-    EXPECT_EQ(real_time_losses(run(system, "budget")), 0) << "seed " << seed;
+    EXPECT_TRUE(keeps_up(run(system, "budget"))) << "seed " << seed;
   }
   EXPECT_GT(kept, 30);
+}
+
+// Of 80 ms, `job` does not fit between q and r, which three times bear to wait for less than 30.
+TEST(Budget, DoesNotStarveWhatHasNoDeadline) {
+  const std::string chain =
+      ", tasks: [{name: t1, service_ms: {cpu: 1}}, {name: t2, service_ms: {cpu: 1}, after: [t1]}, "
+      "{name: t3, service_ms: {cpu: 1}, after: [t2]}]}\n";
+  const std::string mix = "mix: m\npipelines:\n  q: {rate_hz: 10, deadline_ms: 95" + chain +
+                          "  r: {rate_hz: 10, offset_ms: 50, deadline_ms: 95" + chain +
+                          "  job: {rate_hz: 2, tasks: [{name: j, service_ms: {cpu: 80}}]}\n";
+  const std::string imu =
+      "  imu: {rate_hz: 1000, deadline_ms: 1, tasks: [{name: i, service_ms: {dsp: 0.1}}]}\n";
+  const Platform platform = platform_of(
+      "platform: two\nunits: {cpu: {slots: 1, active_w: 1}, dsp: {slots: 1, active_w: 1}}\n");
+  const auto keeps = [&](const std::string& text, const std::string& mode,
+                         std::optional<Objective> objective) {
+    ScheduleOptions options;
+    options.mode = mode;
+    options.objective = objective;
+    options.duration = from_s(5);
+    return keeps_up(run_virtual(platform, nullptr, mix_of(text), options));
+  };
+  EXPECT_TRUE(keeps(mix, "edf", {}));
+  EXPECT_TRUE(keeps(mix, "budget", Objective::kEnergy));
+  EXPECT_TRUE(keeps(mix + imu, "edf", {}));
+  EXPECT_TRUE(keeps(mix + imu, "budget", {}));
+}
+
+// x and y, of 8 of their 10 ms each, fit on two units, and fire for the first time after 10 s.
+TEST(Budget, PlansForWhatBeginsLate) {
+  const std::string late =
+      ": {rate_hz: 10, offset_ms: 10000, deadline_ms: 10, tasks: [{name: t, service_ms: {a: 8, b: "
+      "8}}]}\n";
+  const Platform platform = platform_of(
+      "platform: three\nunits: {a: {slots: 1, active_w: 1}, b: {slots: 1, active_w: 2}, c: {slots: "
+      "1, active_w: 1}}\n");
+  const Mix mix = mix_of(
+      "mix: m\npipelines:\n"
+      "  imu: {rate_hz: 1000, deadline_ms: 1, tasks: [{name: i, service_ms: {c: 0.1}}]}\n  x" +
+      late + "  y" + late);
+  ScheduleOptions options;
+  options.mode = "budget";
+  options.duration = from_s(12);
+  const RunRecord record = run_virtual(platform, nullptr, mix, options);
+  EXPECT_EQ(record.pipelines[2].completed, 20);
+  EXPECT_EQ(real_time_losses(record), 0);
 }
 
 }  // namespace

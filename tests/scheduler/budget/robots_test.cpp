@@ -5,7 +5,9 @@
 #include <map>
 
 #include "scheduler/dispatcher/dispatcher.h"
+#include "scheduler/record/keeping_up.h"
 #include "scheduler/virtual/virtual_time.h"
+#include "tests/scheduler/profile_rows.h"
 #include "tests/scheduler/support.h"
 #include "tests/support/paths.h"
 #include "workloads/base/math/random.h"
@@ -167,6 +169,95 @@ pipelines:
   EXPECT_DOUBLE_EQ(*record.pipelines[1].response_bound_ms, 7);
   EXPECT_FALSE(record.pipelines[2].guaranteed);
   EXPECT_FALSE(record.pipelines[2].not_analysed);
+}
+
+// job [0, 30), B [30, 35), A [35, 55), job again: between slices the nearest deadline goes first.
+TEST(Guarantees, KnowThatAJobIsLeftByDeadline) {
+  const auto platform = platform_of(
+      "platform: one\nunits: {cpu: {slots: 1, active_w: 1}}\n"
+      "workloads: {describe_scene: {cpu: 50}}\n");
+  const auto mix = mix_of(
+      "mix: m\npipelines:\n"
+      "  job: {rate_hz: 5, real_time: false, tasks: [{workload: describe_scene}]}\n"
+      "  A: {rate_hz: 5, offset_ms: 1, deadline_ms: 70, tasks: [{name: a, service_ms: {cpu: "
+      "20}}]}\n"
+      "  B: {rate_hz: 5, offset_ms: 1, deadline_ms: 60, tasks: [{name: b, service_ms: {cpu: "
+      "5}}]}\n");
+  const auto record = run_virtual(platform, nullptr, mix, options_of("budget", 5));
+  EXPECT_DOUBLE_EQ(*record.pipelines[1].response_bound_ms, 55);
+  EXPECT_NEAR(*record.pipelines[1].p50_ms, 54, 0.1);
+}
+
+// Of 33 slices of 3 ms, eleven calls of 0.2 ms come between or before: each makes the call that
+// lets it in 0.1 ms longer, and the call of bundle_adjust may have been let in itself.
+TEST(Guarantees, CountWhatLeavingACallTakes) {
+  Profile profile = profile_of({row_of("bundle_adjust", "cpu", Phase::kExecute, from_ms(99))});
+  UnitTimeRow& leave = profile.unit_times.emplace_back();
+  leave.run_id = 1;
+  leave.unit = "cpu";
+  leave.phase = UnitPhase::kLeave;
+  leave.samples = 20;
+  leave.median = leave.p95 = from_ms(0.1);
+  const auto platform = platform_of("platform: board\nunits: {cpu: {backend: cpu, active_w: 1}}\n");
+  const auto mix = mix_of(
+      "mix: m\npipelines:\n"
+      "  ba: {rate_hz: 2, deadline_ms: 250, tasks: [{workload: bundle_adjust}]}\n"
+      "  imu: {rate_hz: 100, deadline_ms: 5, tasks: [{name: i, service_ms: {cpu: 0.2}}]}\n");
+  const auto record = run_virtual(platform, &profile, mix, options_of("budget", 5));
+  EXPECT_NEAR(*record.pipelines[0].response_bound_ms, 11 * 0.3 + 0.3 + 99.1, 1e-3);
+  EXPECT_NEAR(*record.pipelines[1].response_bound_ms, 3.1 + 0.3, 1e-3);
+  for (const PipelineResult& each : record.pipelines) {
+    EXPECT_LE(*each.p99_ms, *each.response_bound_ms) << each.pipeline;
+  }
+}
+
+// Ten calls at a time keep the GPU's kernel busy; one at a time are 100 of 200 a second. The cloud
+// serves any number, which one at a time would be late.
+TEST(Guarantees, TakeNothingFromAUnitWhereThereAreNone) {
+  const auto expect_none = [](const std::string& units, const std::string& pipelines, double cap_w,
+                              const std::string& why) {
+    ScheduleOptions options = options_of("budget", 30);
+    if (cap_w > 0) options.power_cap_w = cap_w;
+    const auto platform = platform_of("platform: p\n" + units);
+    const auto mix = mix_of("mix: m\npipelines: {" + pipelines + "}\n");
+    const auto record = run_virtual(platform, nullptr, mix, options);
+    EXPECT_EQ(deadline_misses(record), 0);
+    EXPECT_EQ(record.pipelines[0].not_analysed, why);
+  };
+  expect_none(
+      "units: {gpu: {active_w: 1}}\n"
+      "workloads: {sobel: {gpu: [{delay_ms: 9}, {on: gpu, ms: 1}]}}\n",
+      "p: {rate_hz: 200, deadline_ms: 50, tasks: [{workload: sobel}]}", 100,
+      "several calls at a time: gpu");
+  expect_none(
+      "units: {cpu: {slots: 1, active_w: 10}, cloud: {role: cloud}}\n"
+      "workloads: {alexnet: {cpu: 3000, cloud: [{delay_ms: {uniform: [2000, 5000]}}]}}\n",
+      "rec: {rate_hz: 1, deadline_ms: 10000, real_time: false, tasks: [{workload: alexnet}]}", 0,
+      "several calls at a time: cloud");
+}
+
+// `far` is 5 to 9.5 s in the cloud, and takes the core for a second when it is wanted back: a
+// second before its deadline.
+TEST(Guarantees, KnowWhatMayBeWantedBackFromTheCloud) {
+  const auto platform = platform_of(
+      "platform: two\nunits: {cpu: {slots: 1, active_w: 5}, cloud: {role: cloud}}\n"
+      "workloads: {alexnet: {cpu: 1000, cloud: [{delay_ms: {uniform: [5000, 9500]}}]}}\n");
+  const auto pipelines = [&](const std::string& arrivals) {
+    const auto mix = mix_of(
+        "mix: m\npipelines:\n  far: {" + arrivals +
+        ", real_time: false, tasks: [{workload: alexnet}]}\n"
+        "  near: {rate_hz: 10, deadline_ms: 50, tasks: [{name: n, service_ms: {cpu: 2}}]}\n");
+    return run_virtual(platform, nullptr, mix, options_of("budget", 600)).pipelines;
+  };
+  const auto wanted = pipelines("rate_hz: 0.1, deadline_ms: 10000");
+  EXPECT_FALSE(wanted[0].guaranteed.value_or(false));
+  EXPECT_EQ(wanted[1].not_analysed, "on a unit of far, which is not");
+  const auto back = pipelines("rate_hz: 0.1, deadline_ms: 11000");
+  EXPECT_EQ(back[0].guaranteed, true);
+  EXPECT_EQ(back[1].guaranteed, true);
+  const auto many = pipelines("rate_hz: 1, deadline_ms: 11000");
+  EXPECT_EQ(many[0].not_analysed, "several calls at a time: cloud");
+  EXPECT_EQ(many[1].guaranteed, true) << "no call in the cloud waits for another";
 }
 
 TEST(Guarantees, SayWhatIsNotAnalysed) {

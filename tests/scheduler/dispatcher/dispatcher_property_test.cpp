@@ -25,8 +25,8 @@ struct Known {
   std::vector<std::pair<SeriesId, std::size_t>> reads;
   UnitMask returned_by = 0;
   int returns = 0;
-  bool recalled = false;  ///< And still there.
-  bool left = false;      ///< Between two slices.
+  bool recalled = false;   ///< And still there.
+  bool suspended = false;  ///< Between two slices.
   std::optional<Nanos> deadline;
 };
 
@@ -40,37 +40,23 @@ class Model {
       : random_(seed), keep_log_(keep_log), templates_(seed % 3 == 0), dispatcher_(make()) {}
 
   void step() {
-    switch (random_.below(14)) {
-      case 12:
-      case 13:
-        end_slice();
-        break;
-      case 0:
-      case 1:
-      case 2:
-      case 3:
-        submit();
-        break;
-      case 4:
-      case 5:
-      case 6:
-        complete(random_.below(8) == 0 ? Outcome::kFailed : Outcome::kCompleted);
-        break;
-      case 7:
-        cancel();
-        break;
-      case 11:
-        complete(Outcome::kReturned);
-        break;
-      case 8:
-        set_unit();
-        break;
-      case 9:
-        release();
-        break;
-      default:
-        pass_time();
-        break;
+    const std::uint64_t what = random_.below(14);
+    if (what < 4) {
+      submit();
+    } else if (what < 7) {
+      complete(random_.below(8) == 0 ? Outcome::kFailed : Outcome::kCompleted);
+    } else if (what < 8) {
+      cancel();
+    } else if (what < 9) {
+      set_unit();
+    } else if (what < 10) {
+      release();
+    } else if (what < 11) {
+      pass_time();
+    } else if (what < 12) {
+      complete(Outcome::kReturned);
+    } else {
+      end_slice();
     }
     check();
   }
@@ -189,11 +175,9 @@ class Model {
       const TaskId id = next_id_++;
       tasks[i] = {.id = id,
                   .kind = known.kind,
-                  .deadline = {},
                   .expires_at = known.expires_at,
                   .after = after[i],
                   .state = known.state,
-                  .series = {},
                   .reads = reads[i]};
       if (random_.below(3) == 0) {
         tasks[i].series = static_cast<SeriesId>(random_.below(series_.size()));
@@ -292,16 +276,22 @@ class Model {
     tasks_.erase(id);
   }
 
-  void complete(Outcome outcome) {
+  std::optional<TaskId> any_that_runs() {
     std::vector<TaskId> candidates;
     for (const auto& [id, each] : tasks_) {
       if (each.runs_on) candidates.push_back(id);
     }
-    if (candidates.empty()) return;
-    const TaskId id = candidates[random_.below(candidates.size())];
+    if (candidates.empty()) return std::nullopt;
+    return candidates[random_.below(candidates.size())];
+  }
+
+  void complete(Outcome outcome) {
+    const auto any = any_that_runs();
+    if (!any) return;
+    const TaskId id = *any;
     const Known known = tasks_.at(id);
     if (outcome == Outcome::kReturned && !known.cancelled) return give_back(id);
-    forget_left(id);
+    forget_suspended(id);
     if (!known.cancelled) ++(outcome == Outcome::kCompleted ? completed_ : failed_);
     if (!known.cancelled && outcome == Outcome::kCompleted) {
       for (auto& [other, each] : tasks_) each.waits_for.erase(id);
@@ -321,8 +311,8 @@ class Model {
   void give_back(TaskId id) {
     Known& known = tasks_.at(id);
     const UnitId unit = *std::exchange(known.runs_on, std::nullopt);
-    forget_left(id);
-    known.left = false;
+    forget_suspended(id);
+    known.suspended = false;
     known.returned_by |= unit_bit(unit);
     if (!known.recalled) ++known.returns;
     known.recalled = false;
@@ -331,27 +321,24 @@ class Model {
     const bool stays = std::ranges::none_of(out_.ended, [&](const Ended& each) {
       return each.task == id && each.how == TaskEnd::kFailed;
     });
-    const UnitMask left = known.kind.eligible & ~known.returned_by & ~gone_;
-    ASSERT_FALSE(stays && (left == 0 || known.returns == kMostTries));
+    const UnitMask remaining = known.kind.eligible & ~known.returned_by & ~gone_;
+    ASSERT_FALSE(stays && (remaining == 0 || known.returns == kMostTries));
     // Weights of all local units are above 0: some of them takes it.
-    ASSERT_TRUE(stays || (left & kLocal) == 0 || known.returns == kMostTries);
+    ASSERT_TRUE(stays || (remaining & kLocal) == 0 || known.returns == kMostTries);
     absorb();
     ASSERT_FALSE(dispatcher_.complete(unit, id, Outcome::kReturned, now_, out_));
   }
 
   void end_slice() {
-    std::vector<TaskId> candidates;
-    for (const auto& [id, each] : tasks_) {
-      if (each.runs_on) candidates.push_back(id);
-    }
-    if (candidates.empty()) return;
-    const TaskId id = candidates[random_.below(candidates.size())];
+    const auto any = any_that_runs();
+    if (!any) return;
+    const TaskId id = *any;
     const Known& known = tasks_.at(id);
     const UnitId unit = *known.runs_on;
-    ASSERT_EQ(dispatcher_.slice_ended(unit, id, said_time(), out_), !known.left);
+    ASSERT_EQ(dispatcher_.slice_ended(unit, id, said_time(), out_), !known.suspended);
     ASSERT_LE(out_.suspended.size(), 1U);
     ASSERT_TRUE(out_.suspended.empty() || out_.suspended[0] == (Sliced{id, unit}));
-    // Nothing is resumed that was not left; this one, if it is left, has not ended a slice since.
+    // Nothing is resumed that was not suspended; this one, if it is, has not ended a slice since.
     absorb();
   }
 
@@ -388,9 +375,9 @@ class Model {
   void absorb() {
     for (const Sliced& each : out_.suspended) {
       Known& known = tasks_.at(each.task);
-      ASSERT_TRUE(known.runs_on == each.unit && !known.left);
-      known.left = true;
-      lefts_[each.unit].push_back(each.task);
+      ASSERT_TRUE(known.runs_on == each.unit && !known.suspended);
+      known.suspended = true;
+      suspended_[each.unit].push_back(each.task);
     }
     for (const Ended& ended : out_.ended) {
       ASSERT_TRUE(tasks_.contains(ended.task));
@@ -404,8 +391,8 @@ class Model {
         ++no_predecessor_;
       }
       if (ended.how == TaskEnd::kFailed && !known.runs_on && known.returns < kMostTries) {
-        const UnitMask left = known.kind.eligible & ~known.returned_by & ~gone_;
-        ASSERT_EQ(left & kLocal, 0U) << "failed though a unit may take it";
+        const UnitMask remaining = known.kind.eligible & ~known.returned_by & ~gone_;
+        ASSERT_EQ(remaining & kLocal, 0U) << "failed though a unit may take it";
         ASSERT_TRUE(known.waits_for.empty()) << "failed before it could start";
       }
       if (ended.how == TaskEnd::kExpired) {
@@ -443,11 +430,11 @@ class Model {
       ASSERT_TRUE(contains(known.kind.eligible & ~down_, start.unit));
       ASSERT_LE(start.dispatched_at, now_);
       if (start.let_in) {
-        const TaskId innermost = lefts_[start.unit].back();
+        const TaskId innermost = suspended_[start.unit].back();
         const Known& outer = tasks_.at(innermost);
         ASSERT_TRUE(known.deadline && (!outer.deadline || *known.deadline < *outer.deadline))
             << "let in though it is not more urgent";
-        for (const TaskId each : lefts_[start.unit]) {
+        for (const TaskId each : suspended_[start.unit]) {
           ASSERT_NE(tasks_.at(each).kind.workload, known.kind.workload) << "one kernel, two calls";
         }
       }
@@ -455,17 +442,17 @@ class Model {
       if (keep_log_) log_ += std::to_string(start.task) + letter(start.unit) + ' ';
     }
     for (const Sliced& each : out_.resumed) {
-      ASSERT_EQ(lefts_[each.unit].back(), each.task) << "not the innermost";
-      lefts_[each.unit].pop_back();
-      tasks_.at(each.task).left = false;
+      ASSERT_EQ(suspended_[each.unit].back(), each.task) << "not the innermost";
+      suspended_[each.unit].pop_back();
+      tasks_.at(each.task).suspended = false;
       if (keep_log_) log_ += std::to_string(each.task) + "+ ";
     }
     out_.clear();
   }
 
   /// It has ended, wherever it was.
-  void forget_left(TaskId id) {
-    for (auto& [unit, tasks] : lefts_) std::erase(tasks, id);
+  void forget_suspended(TaskId id) {
+    for (auto& [unit, tasks] : suspended_) std::erase(tasks, id);
   }
 
   std::int64_t running() const {
@@ -488,17 +475,17 @@ class Model {
     std::map<UnitId, int> on_unit;
     for (const auto& [id, each] : tasks_) {
       ASSERT_TRUE(dispatcher_.state(id).has_value());
-      if (each.runs_on && !each.left) ++on_unit[*each.runs_on];
+      if (each.runs_on && !each.suspended) ++on_unit[*each.runs_on];
       const bool is_ready = !each.runs_on && each.waits_for.empty() && has_read(each);
-      const UnitMask left = each.kind.eligible & ~each.returned_by & ~gone_;
-      EXPECT_TRUE(!is_ready || !has_state(id, each) || left != 0)
+      const UnitMask remaining = each.kind.eligible & ~each.returned_by & ~gone_;
+      EXPECT_TRUE(!is_ready || !has_state(id, each) || remaining != 0)
           << "waits for units that are gone";
     }
     for (UnitId unit = 0; unit < kRoles.size(); ++unit) {
       EXPECT_EQ(dispatcher_.running(unit), on_unit[unit]);
-      EXPECT_EQ(dispatcher_.suspended(unit), static_cast<int>(lefts_[unit].size()));
-      // What is left goes on as soon as there is a slot.
-      EXPECT_TRUE(lefts_[unit].empty() || dispatcher_.running(unit) == slots_[unit]);
+      EXPECT_EQ(dispatcher_.suspended(unit), static_cast<int>(suspended_[unit].size()));
+      // What is suspended is resumed as soon as there is a slot.
+      EXPECT_TRUE(suspended_[unit].empty() || dispatcher_.running(unit) == slots_[unit]);
       EXPECT_LE(dispatcher_.running(unit), slots_[unit]);
       // Nothing waits in the queue of a unit that could start it, or of one that is not up.
       const int queued =
@@ -523,7 +510,7 @@ class Model {
   FiringId next_firing_ = 0;
   std::int64_t completed_ = 0, dropped_ = 0, expired_ = 0, failed_ = 0;
   std::int64_t no_predecessor_ = 0, returned_ = 0;
-  std::map<UnitId, std::vector<TaskId>> lefts_;  ///< Between two slices, the innermost last.
+  std::map<UnitId, std::vector<TaskId>> suspended_;  ///< Between two slices, the innermost last.
   std::vector<std::vector<std::pair<TaskId, Fate>>> series_{3};  ///< In order of submission.
   std::set<TaskId> found_nothing_;
   Effects out_;

@@ -7,6 +7,7 @@ namespace {
 
 constexpr TaskClass kPlain{.eligible = kLocal};
 constexpr TaskClass kImage{.eligible = kLocal, .image_input = true};
+constexpr TaskClass kSlow{.eligible = kAll, .real_time = false};
 
 Script throughput(int gpu, int dsp, int cpu,
                   std::vector<std::optional<int>> slots = {1, 1, 1, {}}) {
@@ -117,19 +118,17 @@ TEST(Dispatcher, HighPriorityTasksCountInTheLoadThatTheBasicSchedulerSees) {
 
 TEST(Dispatcher, SendsNonRealTimeTasksToTheCloudWithoutLimit) {
   Script script = advanced(1, 0, 0);
-  const TaskClass slow{.eligible = kAll, .real_time = false};
-  EXPECT_EQ(script.submit(1, slow), "L1");
-  EXPECT_EQ(script.submit(2, slow), "L2");
+  EXPECT_EQ(script.submit(1, kSlow), "L1");
+  EXPECT_EQ(script.submit(2, kSlow), "L2");
   EXPECT_EQ(script.submit(3, kPlain), "G3");
 }
 
 TEST(Dispatcher, TakesBackWhatHasNotCompletedInTheCloudInTime) {
   // One slot in the cloud: 1 runs there, 2 is queued there; 3 has time.
   Script script(policy_of("advanced", setup_of(1, 1, 1)), {1, 1, 1, 1});
-  const TaskClass slow{.eligible = kAll, .real_time = false};
-  EXPECT_EQ(script.submit_recalled(1, slow, Nanos(10)), "L1");
-  EXPECT_EQ(script.submit_recalled(2, slow, Nanos(10)), "");
-  EXPECT_EQ(script.submit_recalled(3, slow, Nanos(20)), "");
+  EXPECT_EQ(script.submit_recalled(1, kSlow, Nanos(10)), "L1");
+  EXPECT_EQ(script.submit_recalled(2, kSlow, Nanos(10)), "");
+  EXPECT_EQ(script.submit_recalled(3, kSlow, Nanos(20)), "");
   EXPECT_EQ(script.dispatcher().next_wake(), Nanos(10));
   EXPECT_EQ(script.wake(Nanos(10)), "G2 <1") << "at once, and as soon as it has been let go";
   EXPECT_EQ(script.complete(kCloud, 1, Outcome::kReturned), "C1 L3");
@@ -152,12 +151,12 @@ TEST(Dispatcher, TakesNothingBackThatNobodyElseWouldTake) {
 
 TEST(Dispatcher, WhatCompletesWhileItIsWantedBackHasCompleted) {
   Script script(policy_of("advanced", setup_of(1, 1, 1)), {1, 1, 1, 1});
-  EXPECT_EQ(script.submit_recalled(1, {.eligible = kAll, .real_time = false}, Nanos(10)), "L1");
+  EXPECT_EQ(script.submit_recalled(1, kSlow, Nanos(10)), "L1");
   EXPECT_EQ(script.wake(Nanos(10)), "<1");
   EXPECT_EQ(script.complete(kCloud, 1), "");
   EXPECT_EQ(script.dispatcher().counts().completed, 1);
   // And one that was cancelled meanwhile is not asked for.
-  EXPECT_EQ(script.submit_recalled(2, {.eligible = kAll, .real_time = false}, Nanos(20)), "L2");
+  EXPECT_EQ(script.submit_recalled(2, kSlow, Nanos(20)), "L2");
   EXPECT_EQ(script.cancel(2), "-2");
   EXPECT_EQ(script.wake(Nanos(20)), "");
   EXPECT_EQ(script.complete(kCloud, 2, Outcome::kReturned), "");
@@ -165,14 +164,13 @@ TEST(Dispatcher, WhatCompletesWhileItIsWantedBackHasCompleted) {
 
 TEST(Dispatcher, HandsWhatWaitsForTheCloudToOthersWhileItIsAway) {
   Script script(policy_of("advanced", setup_of(1, 1, 1)), {1, 1, 1, 1});
-  const TaskClass slow{.eligible = kAll, .real_time = false};
-  EXPECT_EQ(script.submit(1, slow), "L1");
-  EXPECT_EQ(script.submit(2, slow), "");
+  EXPECT_EQ(script.submit(1, kSlow), "L1");
+  EXPECT_EQ(script.submit(2, kSlow), "");
   EXPECT_EQ(script.set(kCloud, UnitState::kDraining), "G2");
-  EXPECT_EQ(script.submit(3, slow), "C3");
+  EXPECT_EQ(script.submit(3, kSlow), "C3");
   EXPECT_EQ(script.complete(kCloud, 1), "") << "its reply came all the same";
   EXPECT_EQ(script.set(kCloud, UnitState::kUp), "");
-  EXPECT_EQ(script.submit(4, slow), "L4");
+  EXPECT_EQ(script.submit(4, kSlow), "L4");
 }
 
 TEST(Dispatcher, ReleasesATaskWhenItsLastPredecessorCompletes) {

@@ -17,14 +17,12 @@ class InTurn final : public Policy {
     return Placement::on(0);
   }
   UnitMask takers(const TaskClass&, UnitMask up) const override { return up; }
-  std::vector<UnitId> order() const override { return order_; }
   void moved(const MovedTask& task, Whereabouts from, Whereabouts, const UnitsView&) override {
     if (from.waits()) had_[task.kind.entry] = true;
   }
 
  private:
   std::vector<bool> had_;
-  std::vector<UnitId> order_ = {0};
   int& asked_;
 };
 
@@ -34,14 +32,7 @@ constexpr std::uint32_t kTasks = 500;
 std::vector<NamedTask> backwards() {
   std::vector<NamedTask> tasks;
   for (std::uint32_t i = 0; i < kTasks; ++i) {
-    tasks.push_back({.id = i,
-                     .kind = {.eligible = 1, .entry = kTasks - 1 - i},
-                     .deadline = {},
-                     .expires_at = {},
-                     .after = {},
-                     .state = {},
-                     .series = {},
-                     .reads = {}});
+    tasks.push_back(task_of(i, {.eligible = 1, .entry = kTasks - 1 - i}));
   }
   return tasks;
 }

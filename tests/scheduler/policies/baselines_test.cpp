@@ -108,50 +108,44 @@ TEST(Ect, LetsAPipelinedUnitTakeTheNextBeforeTheLastIsOut) {
 }
 
 TEST(Edf, ServesTheEarliestDeadlineFirst) {
-  NamedDispatcher dispatcher({1, 1, 1, 1}, policy_of("edf", timed(1, 100, 100)));
-  Effects out;
-  const TaskClass kind{.eligible = unit_bit(kGpu)};
+  Script script(policy_of("edf", timed(1, 100, 100)), {1, 1, 1, 1});
   const auto submit = [&](TaskId id, std::optional<Nanos> deadline) {
-    NamedTask task = task_of(id, kind);
+    NamedTask task = task_of(id, {.eligible = unit_bit(kGpu)});
     task.deadline = deadline;
-    dispatcher.submit(id, std::vector{task}, Nanos::zero(), out);
+    return script.submit_all(id, {task});
   };
-  submit(1, std::nullopt);
-  submit(2, std::nullopt);
-  submit(3, milliseconds(30));
-  submit(4, milliseconds(10));
-  submit(5, milliseconds(20));
-  submit(6, milliseconds(10));
-  // 1 runs; then by deadline, 4 before 6 by age, and 2, which has none, last.
-  for (const TaskId id : std::vector<TaskId>{1, 4, 6, 5, 3, 2}) {
-    ASSERT_EQ(out.started.size(), 1U);
-    EXPECT_EQ(out.started[0].task, id);
-    out.clear();
-    dispatcher.complete(kGpu, id, Outcome::kCompleted, Nanos::zero(), out);
-  }
-  EXPECT_TRUE(out.started.empty());
+  EXPECT_EQ(submit(1, std::nullopt), "G1");
+  EXPECT_EQ(submit(2, std::nullopt), "");
+  EXPECT_EQ(submit(3, milliseconds(30)), "");
+  EXPECT_EQ(submit(4, milliseconds(10)), "");
+  EXPECT_EQ(submit(5, milliseconds(20)), "");
+  EXPECT_EQ(submit(6, milliseconds(10)), "");
+  // By deadline, 4 before 6 by age, and 2, which has none, last.
+  EXPECT_EQ(script.complete(kGpu, 1), "G4");
+  EXPECT_EQ(script.complete(kGpu, 4), "G6");
+  EXPECT_EQ(script.complete(kGpu, 6), "G5");
+  EXPECT_EQ(script.complete(kGpu, 5), "G3");
+  EXPECT_EQ(script.complete(kGpu, 3), "G2");
+  EXPECT_EQ(script.complete(kGpu, 2), "");
 }
 
 TEST(Edf, AReleasedTaskGoesBeforeAHeldOneWithALaterDeadline) {
   // The GPU has one slot: 1, then 2, deadline 40; 3, deadline 500, is held meanwhile.
   PolicySetup setup = timed(10, 1000, 1000);
   setup.servers = {1, 1, 1, 1};
-  NamedDispatcher dispatcher({1, 1, 1, 1}, policy_of("edf", setup));
-  Effects out;
-  const TaskClass first{.eligible = unit_bit(kGpu)};
-  const TaskClass last{.eligible = unit_bit(kGpu), .entry = 1};
-  std::vector<TaskId> one = {1};
-  std::vector tasks = {task_of(1, first), task_of(2, first, one)};
+  Script script(policy_of("edf", setup), {1, 1, 1, 1});
+  const std::vector<TaskId> one = {1};
+  std::vector tasks = {task_of(1, {.eligible = unit_bit(kGpu)}),
+                       task_of(2, {.eligible = unit_bit(kGpu)}, one),
+                       task_of(3, {.eligible = unit_bit(kGpu), .entry = 1})};
   tasks[0].deadline = tasks[1].deadline = milliseconds(40);
-  std::vector other = {task_of(3, last)};
-  other[0].deadline = milliseconds(500);
-  dispatcher.submit(1, tasks, Nanos::zero(), out);
-  dispatcher.submit(2, other, Nanos::zero(), out);
-  dispatcher.complete(kGpu, 1, Outcome::kCompleted, milliseconds(10), out);
-  dispatcher.complete(kGpu, 2, Outcome::kCompleted, milliseconds(20), out);
-  ASSERT_EQ(out.started.size(), 3U);
-  EXPECT_EQ(out.started[1].task, 2U);
-  EXPECT_EQ(out.started[2].task, 3U);
+  tasks[2].deadline = milliseconds(500);
+  EXPECT_EQ(script.submit_all(1, {tasks[0], tasks[1]}), "G1");
+  EXPECT_EQ(script.submit_all(2, {tasks[2]}), "");
+  script.at(milliseconds(10));
+  EXPECT_EQ(script.complete(kGpu, 1), "G2");
+  script.at(milliseconds(20));
+  EXPECT_EQ(script.complete(kGpu, 2), "G3");
 }
 
 TEST(Edf, PlacesTasksThatTakeNoTime) {

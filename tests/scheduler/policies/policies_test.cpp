@@ -12,19 +12,11 @@ std::string placements(Policy& policy, int count, TaskClass kind = {.eligible = 
   std::string text;
   for (int i = 0; i < count; ++i) {
     const Placement placement = policy.place(kind, {.load = load, .up = up});
-    switch (placement.kind) {
-      case Placement::Kind::kHold:
-      case Placement::Kind::kHoldFor:
-      case Placement::Kind::kHoldBehind:
-        text += '.';
-        break;
-      case Placement::Kind::kHighPriority:
-        text += 'H';
-        break;
-      case Placement::Kind::kUnit:
-        text += letter(placement.unit);
-        ++load[placement.unit];
-        break;
+    if (placement.kind == Placement::Kind::kUnit) {
+      text += letter(placement.unit);
+      ++load[placement.unit];
+    } else {
+      text += placement.holds() ? '.' : 'H';
     }
   }
   return text;

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "scheduler/services/draws.h"
-#include "tests/scheduler/support.h"
+#include "tests/scheduler/virtual/virtual_support.h"
 
 namespace pirt::test {
 namespace {
@@ -51,8 +51,7 @@ units: {gpu: {slots: 1, active_w: 1, link: bus, contexts: {prepare_ms: 20}}}
 links: {bus: {mbit_s: 1000, active_w: 3, latency_ms: {uniform: [1, 3]}}}
 workloads: {gaussian_blur: {gpu: [{on: gpu, ms: {uniform: [1, 2]}}]}}
 )");
-  const auto mix = mix_of(
-      "mix: m\npipelines: {a: {closed_loop: {frames: 1}, tasks: [{workload: gaussian_blur}]}}\n");
+  const auto mix = closed(1, "gaussian_blur");
   const Scenario scenario = make_scenario(platform, nullptr, mix, {}, CloudUse::kAll);
   const CallPlan call = plan_tasks(scenario, 0)[0].calls[0];
   const CallBytes bytes = call_bytes(mix.pipelines[0].tasks[0]);
@@ -83,9 +82,22 @@ TEST(CallPlan, OfOneThatTakesLongIsItsHandOver) {
   EXPECT_EQ(call.longest_slice(), std::chrono::microseconds(1100));
 }
 
+TEST(CallPlan, OwnJoulesAreDrawnOnTheUnitOfTheCall) {
+  const auto platform = platform_of(R"(
+platform: p
+units: {cpu: {active_w: 1}, dsp: {active_w: 1, energy: {call_j: 1}}}
+workloads: {sobel: {dsp: [{on: cpu, ms: 5}, {on: dsp, ms: 5}]}}
+)");
+  const auto mix = closed(1, "sobel");
+  const Scenario scenario = make_scenario(platform, nullptr, mix, {}, CloudUse::kAll);
+  const CallPlan call = plan_tasks(scenario, 0)[0].calls[1];
+  ASSERT_EQ(call.steps.size(), 2U);
+  EXPECT_EQ(call.steps[0].own_j, 0) << "another unit works on it";
+  EXPECT_EQ(call.steps[1].own_j, 1);
+}
+
 TEST(Draws, TheLatencyOfALinkIsDrawn) {
-  const auto mix =
-      mix_of("mix: m\npipelines: {a: {closed_loop: {frames: 1}, tasks: [{workload: sobel}]}}\n");
+  const auto mix = closed(1, "sobel");
   const auto with_latency = [](const std::string& latency) {
     return platform_of(
         "platform: p\nunits: {gpu: {link: bus}}\nlinks: {bus: {mbit_s: 10, latency_ms: " + latency +

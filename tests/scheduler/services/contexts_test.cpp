@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "scheduler/services/services.h"
+#include "tests/scheduler/profile_rows.h"
 #include "tests/scheduler/support.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
@@ -22,6 +23,8 @@ units: {fpga: {contexts: {prepare_ms: 10}, active_w: 2}}
 workloads: {fc8: {fpga: [{on: fpga, ms: 30}]}, pool5: {fpga: [{on: fpga, ms: 5}]}}
 )";
 
+const std::string kTwo = "[{name: a, workload: fc8}, {name: b, workload: pool5, after: [a]}]";
+
 RunRecord run(const std::string& platform, const std::string& tasks,
               const std::string& trace = "") {
   ScheduleOptions options;
@@ -35,13 +38,31 @@ RunRecord run(const std::string& platform, const std::string& tasks,
 
 // fc8 30 ms, loading 10 ms, pool5 5 ms; all of it draws 2 W.
 TEST(Contexts, ACallOfAnotherOneThanTheLastPreparesItFirst) {
-  const RunRecord record =
-      run(kBoard, "[{name: a, workload: fc8}, {name: b, workload: pool5, after: [a]}]");
+  const RunRecord record = run(kBoard, kTwo);
   EXPECT_DOUBLE_EQ(record.makespan_s, 0.045);
   EXPECT_EQ(record.units[0].prepares, 1);
   EXPECT_DOUBLE_EQ(record.units[0].prepare_s.value(), 0.010);
   EXPECT_DOUBLE_EQ(record.units[0].busy_s, 0.045);
   EXPECT_NEAR(record.units[0].energy_j.value(), 0.09, 1e-12);
+}
+
+// Each task is handed over in 0.4 ms.
+TEST(Contexts, AHandOverIsNoPartOfPreparing) {
+  Profile profile = profile_of({});
+  UnitTimeRow row;
+  row.run_id = 1;
+  row.unit = "fpga";
+  row.samples = 20;
+  row.median = row.p95 = from_ms(0.4);
+  profile.unit_times = {row};
+  ScheduleOptions options;
+  options.mode = "throughput";
+  const RunRecord record = run_virtual(
+      platform_of(kBoard), &profile,
+      mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 1}, tasks: " + kTwo + "}}\n"), options);
+  EXPECT_NEAR(record.makespan_s, 0.0458, 1e-9);
+  EXPECT_EQ(record.units[0].prepares, 1);
+  EXPECT_DOUBLE_EQ(record.units[0].prepare_s.value(), 0.010);
 }
 
 TEST(Contexts, CallsOfOneDoNotPrepareAgain) {
@@ -67,8 +88,7 @@ workloads: {fc8: {fpga: [{on: fpga, ms: 30}]}, pool5: {fpga: [{on: fpga, ms: 5}]
 }
 
 TEST(Contexts, AreInTheRecordOnlyWhereAUnitHasThem) {
-  const RunRecord with =
-      run(kBoard, "[{name: a, workload: fc8}, {name: b, workload: pool5, after: [a]}]");
+  const RunRecord with = run(kBoard, kTwo);
   EXPECT_EQ(run_record_from_json(to_json(with), "r"), with);
   const RunRecord without = run(R"(
 platform: board
@@ -82,8 +102,7 @@ workloads: {fc8: {fpga: [{on: fpga, ms: 30}]}}
 
 TEST(Contexts, PreparingIsASliceOfItsOwnInTheTrace) {
   const auto path = std::filesystem::path(testing::TempDir()) / "pirt_contexts_trace.json";
-  static_cast<void>(run(
-      kBoard, "[{name: a, workload: fc8}, {name: b, workload: pool5, after: [a]}]", path.string()));
+  static_cast<void>(run(kBoard, kTwo, path.string()));
   const auto events = nlohmann::json::parse(read_file(path.string()));
   std::filesystem::remove(path);
   std::vector<nlohmann::json> slices;
@@ -112,34 +131,21 @@ TEST(Contexts, NeedOneServerAndOneSlot) {
 }
 
 PhaseRow row(Phase phase, State state, double ms, Origin origin) {
-  PhaseRow row;
-  row.run_id = 1;
-  row.platform = "board";
-  row.workload = "fc8";
-  row.unit = "dsp";
-  row.backend = "fake";
-  row.phase = phase;
+  PhaseRow row = row_of("fc8", "dsp", phase, from_ms(ms));
   row.state = state;
   row.provenance = origin;
-  row.samples = 1;
-  row.median = row.mean = row.p95 = row.p99 = from_ms(ms);
   return row;
 }
 
 /// Counted cycles between published copies: 1 + 4 + 1 ms; preparing ends with a call of 6 ms.
 Profile counted() {
-  Profile profile;
-  profile.path = "c.db";
-  RunInfo info;
-  info.run_id = 1;
-  info.platform = "board";
-  info.units = {{"dsp", "fake", "a dsp", false, {}}};
-  profile.runs = {info};
-  profile.phases = {row(Phase::kPrepare, State::kWarm, 26, Provenance::kCounted),
-                    row(Phase::kUpload, State::kSteady, 1, Provenance::kPublished),
-                    row(Phase::kExecute, State::kSteady, 4, Provenance::kCounted),
-                    row(Phase::kDownload, State::kSteady, 1, Provenance::kPublished),
-                    row(Phase::kCall, State::kSteady, 6, Origin(Provenance::kPublished, true))};
+  Profile profile =
+      profile_of({row(Phase::kPrepare, State::kWarm, 26, Provenance::kCounted),
+                  row(Phase::kUpload, State::kSteady, 1, Provenance::kPublished),
+                  row(Phase::kExecute, State::kSteady, 4, Provenance::kCounted),
+                  row(Phase::kDownload, State::kSteady, 1, Provenance::kPublished),
+                  row(Phase::kCall, State::kSteady, 6, Origin(Provenance::kPublished, true))});
+  profile.runs[0].units = {{"dsp", "fake", "a dsp", false, {}}};
   return profile;
 }
 

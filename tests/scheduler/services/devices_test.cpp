@@ -2,6 +2,7 @@
 #include "scheduler/services/devices.h"
 
 #include "scheduler/what_if.h"
+#include "tests/scheduler/profile_rows.h"
 #include "tests/scheduler/support.h"
 
 namespace pirt::test {
@@ -22,11 +23,9 @@ units:
 }
 
 /// fc8 takes 1 ms on either; the GPU is one of its own, at rest at 79 W and awake at 124 W.
-Profile profile_of(bool metered, bool gpu_is_cpu = false) {
-  Profile profile;
-  profile.path = "p.db";
-  RunInfo run;
-  run.platform = "board";
+Profile measured(bool metered, bool gpu_is_cpu = false) {
+  Profile profile = profile_of({});
+  RunInfo& run = profile.runs.front();
   run.units = {{"cpu", "cpu", "a cpu", true, {}}, {"gpu", "opencl", "a gpu", gpu_is_cpu, {}}};
   if (metered) {
     run.environment = {{"meter.gpu.idle_w", "79"}, {"meter.gpu.awake_w", "124"}};
@@ -37,17 +36,9 @@ Profile profile_of(bool metered, bool gpu_is_cpu = false) {
     energy.provenance = Provenance::kMeasured;
     profile.energies = {energy};
   }
-  profile.runs = {run};
   for (const auto* unit : {"cpu", "gpu"}) {
     for (const Phase phase : {Phase::kExecute, Phase::kCall}) {
-      PhaseRow row;
-      row.platform = "board";
-      row.workload = "fc8";
-      row.unit = unit;
-      row.phase = phase;
-      row.provenance = Provenance::kMeasured;
-      row.median = row.mean = from_ms(1);
-      profile.phases.push_back(row);
+      profile.phases.push_back(row_of("fc8", unit, phase, from_ms(1)));
     }
   }
   return profile;
@@ -83,10 +74,10 @@ TEST(Devices, WattsOfTheHostsCoresAreNoneOfADeviceOfItsOwn) {
   const auto gpu_of = [](const Profile& profile, const std::vector<YamlOverride>& set = {}) {
     return on_devices(board(set), &profile).unit("gpu");
   };
-  const Profile own = profile_of(false);
+  const Profile own = measured(false);
   EXPECT_EQ(gpu_of(own).active_w, 0);
   EXPECT_EQ(gpu_of(own).idle_w, 0);
-  EXPECT_EQ(gpu_of(profile_of(false, true)).active_w, 20) << "PoCL computes on the host's cores";
+  EXPECT_EQ(gpu_of(measured(false, true)).active_w, 20) << "PoCL computes on the host's cores";
   EXPECT_EQ(on_devices(board(), nullptr).unit("gpu").active_w, 20) << "nobody knows the device";
   const UnitModel set = gpu_of(own, {{"gpu.active_w", "200"}});
   EXPECT_EQ(set.active_w, 200);
@@ -96,7 +87,7 @@ TEST(Devices, WattsOfTheHostsCoresAreNoneOfADeviceOfItsOwn) {
 }
 
 TEST(Devices, AMetersRestIsIdleAndWhatItDrawsMoreWhenOpenIsHeld) {
-  const Profile profile = profile_of(true);
+  const Profile profile = measured(true);
   const Platform once = on_devices(board(), &profile);
   EXPECT_EQ(once.unit("gpu").idle_w, 79);
   EXPECT_EQ(once.unit("gpu").held_w, 45);
@@ -108,7 +99,7 @@ TEST(Devices, AMetersRestIsIdleAndWhatItDrawsMoreWhenOpenIsHeld) {
 }
 
 TEST(Devices, UnitsOnOneBoardShareWhatItDraws) {
-  Profile profile = profile_of(true);
+  Profile profile = measured(true);
   RunInfo& run = profile.runs.front();
   run.units[0] = {"cpu", "opencl", "a gpu", false, {}};
   for (const auto* unit : {"cpu", "gpu"}) {
@@ -123,7 +114,7 @@ TEST(Devices, UnitsOnOneBoardShareWhatItDraws) {
 }
 
 TEST(Devices, ARunIsChargedForHoldingADeviceOpen) {
-  const Profile profile = profile_of(true);
+  const Profile profile = measured(true);
   // 100 calls of 0.05 J, at 124 W and the 1 W of the CPU for a second.
   const auto on_gpu = run_on("energy", profile, without("cpu"));
   ASSERT_EQ(on_gpu.completed, 100);
@@ -137,7 +128,7 @@ TEST(Devices, ARunIsChargedForHoldingADeviceOpen) {
 
 // The board rests at 79 W and is not held open; the CPU draws 1 W, and 1 J for its calls.
 TEST(Devices, ACapIsNotToldOfWhatNobodyOpens) {
-  const Profile profile = profile_of(true);
+  const Profile profile = measured(true);
   ScheduleOptions options = capped(120);
   options.without = {"gpu"};
   options.duration = from_s(1);
@@ -148,7 +139,7 @@ TEST(Devices, ACapIsNotToldOfWhatNobodyOpens) {
 }
 
 TEST(Devices, WithoutMeterOrWattsTheEnergyOfARunIsUnknownAndModesSayWhatTheyGoBy) {
-  const Profile profile = profile_of(false);
+  const Profile profile = measured(false);
   for (const auto& [mode, what] :
        {std::pair{"energy", "goes by the units' roles alone, as Algorithm 3 does"},
         {"mee", "takes such a unit where no other can serve"},

@@ -1,5 +1,6 @@
 // memory_mb of a unit: what is prepared there together.
 #include "scheduler/services/scenario.h"
+#include "tests/scheduler/profile_rows.h"
 #include "tests/scheduler/support.h"
 
 namespace pirt::test {
@@ -13,20 +14,10 @@ using testing::IsEmpty;
 
 /// Measured on cpu and gpu; of `fc8` the device's buffers are known, of `pool5` nothing.
 Profile rows() {
-  Profile profile;
-  profile.path = "p.db";
-  RunInfo run;
-  run.platform = "board";
-  profile.runs = {run};
+  Profile profile = profile_of({});
   for (const char* unit : {"cpu", "gpu"}) {
     for (const char* workload : {"fc6", "fc7", "fc8", "pool5"}) {
-      PhaseRow row;
-      row.platform = "board";
-      row.workload = workload;
-      row.unit = unit;
-      row.backend = "fake";
-      row.phase = Phase::kCall;
-      row.median = row.p95 = from_ms(1);
+      PhaseRow row = row_of(workload, unit, Phase::kCall, from_ms(1));
       const std::string name = workload;
       if (name != "pool5") row.host_memory_bytes = name == "fc6" ? 300'000'000 : 100'000'000;
       if (name == "fc8") row.device_memory_bytes = 20'000'000;
@@ -46,6 +37,14 @@ const std::string kAll = kTasks +
                          "      - {workload: fc7}\n      - {workload: fc6}\n"
                          "      - {workload: fc8}\n      - {workload: pool5}\n";
 
+/// These tasks on a board.
+struct OnBoard {
+  Platform platform;
+  Mix mix;
+  Profile profile = rows();
+  Scenario scenario = make_scenario(platform, &profile, mix, {}, CloudUse::kNone);
+};
+
 /// By workload: the units that serve it.
 std::vector<std::string> served(const Scenario& scenario) {
   std::vector<std::string> units;
@@ -57,45 +56,34 @@ std::vector<std::string> served(const Scenario& scenario) {
 }
 
 TEST(Memory, AUnitHoldsWhatFitsBesideWhatComesBeforeIt) {
-  const Platform platform = board("memory_mb: 350");
-  const Mix mix = mix_of(kAll);
-  const Profile profile = rows();
-  const Scenario scenario = make_scenario(platform, &profile, mix, {}, CloudUse::kNone);
+  const OnBoard on{board("memory_mb: 350"), mix_of(kAll)};
   // 100, then not 300 more, then the 20 of its buffers; what is not known is not counted.
-  EXPECT_THAT(served(scenario),
+  EXPECT_THAT(served(on.scenario),
               ElementsAre("fc7: cpu, gpu", "fc6: cpu", "fc8: cpu, gpu", "pool5: cpu, gpu"));
-  EXPECT_EQ(scenario.services.entries[1][1].reason,
+  EXPECT_EQ(on.scenario.services.entries[1][1].reason,
             "it needs 300 MB of the 350 of its memory_mb, of which fc7 has 100");
-  EXPECT_THAT(scenario.services.warnings,
+  EXPECT_THAT(on.scenario.services.warnings,
               AllOf(Contains(HasSubstr("fc6 is not prepared on gpu: it needs 300 MB")),
                     Contains(AllOf(HasSubstr("pool5"), HasSubstr("not counted")))));
-  EXPECT_FALSE(contains(scenario.classes[0][1].eligible, 1)) << "nor is it placed there";
+  EXPECT_FALSE(contains(on.scenario.classes[0][1].eligible, 1)) << "nor is it placed there";
 }
 
 TEST(Memory, WhatMayNotGoThereTakesNothing) {
-  const Platform platform = board("memory_mb: 350");
-  const Mix mix =
-      mix_of(kTasks + "      - {workload: fc7, eligible: [cpu]}\n      - {workload: fc6}\n");
-  const Profile profile = rows();
-  const Scenario scenario = make_scenario(platform, &profile, mix, {}, CloudUse::kNone);
-  EXPECT_THAT(served(scenario), ElementsAre("fc7: cpu, gpu", "fc6: cpu, gpu"));
+  const OnBoard on{
+      board("memory_mb: 350"),
+      mix_of(kTasks + "      - {workload: fc7, eligible: [cpu]}\n      - {workload: fc6}\n")};
+  EXPECT_THAT(served(on.scenario), ElementsAre("fc7: cpu, gpu", "fc6: cpu, gpu"));
 }
 
 TEST(Memory, ContextsHoldOneAtATime) {
-  const Platform platform = board("memory_mb: 350, contexts: {prepare_ms: 1}");
-  const Mix mix = mix_of(kAll);
-  const Profile profile = rows();
-  const Scenario scenario = make_scenario(platform, &profile, mix, {}, CloudUse::kNone);
-  EXPECT_THAT(served(scenario), Contains("fc6: cpu, gpu"));
+  const OnBoard on{board("memory_mb: 350, contexts: {prepare_ms: 1}"), mix_of(kAll)};
+  EXPECT_THAT(served(on.scenario), Contains("fc6: cpu, gpu"));
 }
 
 TEST(Memory, WithoutALimitNothingIsSaid) {
-  const Platform platform = board("slots: 1");
-  const Mix mix = mix_of(kAll);
-  const Profile profile = rows();
-  const Scenario scenario = make_scenario(platform, &profile, mix, {}, CloudUse::kNone);
-  EXPECT_THAT(served(scenario), Contains("fc6: cpu, gpu"));
-  for (const std::string& warning : scenario.services.warnings) {
+  const OnBoard on{board("slots: 1"), mix_of(kAll)};
+  EXPECT_THAT(served(on.scenario), Contains("fc6: cpu, gpu"));
+  for (const std::string& warning : on.scenario.services.warnings) {
     EXPECT_THAT(warning, testing::Not(HasSubstr("memory")));
   }
 }

@@ -3,6 +3,7 @@
 
 #include "scheduler/services/call_plan.h"
 #include "scheduler/services/conditions.h"
+#include "tests/scheduler/profile_rows.h"
 #include "tests/scheduler/support.h"
 
 namespace pirt::test {
@@ -29,26 +30,9 @@ workloads:
 )";
 
 PhaseRow row(const std::string& unit, Phase phase, std::int64_t ns, bool valid = true) {
-  PhaseRow row;
-  row.platform = "board";
-  row.workload = "fc8";
-  row.unit = unit;
-  row.backend = "fake";
-  row.phase = phase;
-  row.median = Nanos(ns);
+  PhaseRow row = row_of("fc8", unit, phase, Nanos(ns));
   if (!valid) row.reasons = {"wrong_output"};
   return row;
-}
-
-Profile profile_of(std::vector<PhaseRow> rows, std::vector<EnergyRow> energies = {}) {
-  Profile profile;
-  profile.path = "p.db";
-  RunInfo run;
-  run.platform = "board";
-  profile.runs = {run};
-  profile.phases = std::move(rows);
-  profile.energies = std::move(energies);
-  return profile;
 }
 
 ServiceTable services_of(const Profile* profile, const ServiceOptions& options = {}) {
@@ -295,8 +279,8 @@ TEST(Services, ModelEnergyAnewButBelieveAMeter) {
   metered.unit = "gpu";
   metered.energy_j = 0.125;
   metered.provenance = Provenance::kMeasured;
-  const Profile profile = profile_of(
-      {row("cpu", Phase::kCall, 5000), row("gpu", Phase::kCall, 5000)}, {modelled, metered});
+  Profile profile = profile_of({row("cpu", Phase::kCall, 5000), row("gpu", Phase::kCall, 5000)});
+  profile.energies = {modelled, metered};
   const auto table = services_of(&profile);
   EXPECT_FALSE(table.find(0, 0)->metered_j);
   EXPECT_EQ(table.find(0, 0)->energy_provenance, Provenance::kModelled);

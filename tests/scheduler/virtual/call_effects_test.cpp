@@ -4,8 +4,9 @@
 
 #include <cmath>
 
-#include "scheduler/schedule.h"
-#include "tests/scheduler/support.h"
+#include "scheduler/services/call_plan.h"
+#include "tests/scheduler/profile_rows.h"
+#include "tests/scheduler/virtual/virtual_support.h"
 #include "workloads/catalog/specs.h"
 
 namespace pirt::test {
@@ -20,32 +21,15 @@ units:
 
 PhaseRow execute(const std::string& workload, const std::string& unit, double ms,
                  Condition condition = Condition::kSteady) {
-  PhaseRow row;
-  row.run_id = 1;
-  row.platform = "board";
-  row.workload = workload;
-  row.unit = unit;
-  row.backend = "cpu";
-  row.phase = Phase::kExecute;
+  PhaseRow row = row_of(workload, unit, Phase::kExecute, from_ms(ms));
   row.condition = condition;
-  row.samples = 20;
-  row.median = row.mean = row.p95 = from_ms(ms);
   return row;
 }
 
 /// gaussian_blur takes 4 ms, sobel 2 ms, on either unit.
 Profile steady_profile() {
-  Profile profile;
-  profile.path = "p.db";
-  RunInfo run;
-  run.run_id = 1;
-  run.platform = "board";
-  profile.runs = {run};
-  for (const char* unit : {"cpu", "gpu"}) {
-    profile.phases.push_back(execute("gaussian_blur", unit, 4));
-    profile.phases.push_back(execute("sobel", unit, 2));
-  }
-  return profile;
+  return profile_of({execute("gaussian_blur", "cpu", 4), execute("sobel", "cpu", 2),
+                     execute("gaussian_blur", "gpu", 4), execute("sobel", "gpu", 2)});
 }
 
 void set_cache(Profile& profile, std::int64_t bytes) {
@@ -75,16 +59,10 @@ void add_handover(Profile& profile, double sleep_ms, double ms) {
 }
 
 /// Of the pipelines, in order.
-std::vector<double> p50s_ms(const Profile& profile, const std::string& mix,
-                            const std::string& mode = "met") {
-  ScheduleOptions options;
-  options.mode = mode;
-  if (mix.find("closed_loop") != std::string::npos) {
-    options.in_flight = 1;
-  } else {
-    options.duration = std::chrono::seconds(1);
-  }
-  const RunRecord record = run_virtual(platform_of(kBoard), &profile, mix_of(mix.c_str()), options);
+std::vector<double> p50s_ms(const Profile& profile, const std::string& mix) {
+  const bool closed = mix.find("closed_loop") != std::string::npos;
+  const ScheduleOptions options = closed ? mode("met", 0, 1) : mode("met", 1);
+  const RunRecord record = run_virtual(platform_of(kBoard), &profile, mix_of(mix), options);
   std::vector<double> found;
   for (const PipelineResult& pipeline : record.pipelines) {
     found.push_back(pipeline.p50_ms.value_or(-1));
@@ -92,14 +70,25 @@ std::vector<double> p50s_ms(const Profile& profile, const std::string& mix,
   return found;
 }
 
-constexpr double kHistogram = 0.001;  // relative: what a percentile of a record may be off
-
-TEST(CallEffects, AreNoneWithoutRows) {
-  const auto p50 = p50s_ms(steady_profile(), R"(
+/// 100 times a second.
+const std::string kBlur = R"(
 mix: m
 pipelines:
   p: {rate_hz: 100, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
-)");
+)";
+
+/// One after the other, with what comes after each.
+std::string frames(const std::string& more_tasks = "") {
+  return "mix: m\npipelines:\n  p: {closed_loop: {frames: 50}, tasks: [{name: a, workload: "
+         "gaussian_blur, eligible: [cpu]}" +
+         more_tasks + "]}\n";
+}
+const std::string kSobelAfter = ", {name: b, workload: sobel, eligible: [cpu], after: [a]}";
+
+constexpr double kHistogram = 0.001;  // relative: what a percentile of a record may be off
+
+TEST(CallEffects, AreNoneWithoutRows) {
+  const auto p50 = p50s_ms(steady_profile(), kBlur);
   EXPECT_NEAR(p50[0], 4, 4 * kHistogram);
 }
 
@@ -110,11 +99,7 @@ TEST(CallEffects, AHandOverTakesWhatTheSleepBeforeItAsksFor) {
   add_handover(profile, 0, 0.002);
   add_handover(profile, 1, 0.010);
   add_handover(profile, 10, 0.110);
-  const auto p50 = p50s_ms(profile, R"(
-mix: m
-pipelines:
-  p: {rate_hz: 100, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
-)");
+  const auto p50 = p50s_ms(profile, kBlur);
   EXPECT_NEAR(p50[0], 4.087, 4 * kHistogram);
 }
 
@@ -143,13 +128,8 @@ TEST(CallEffects, CachesAreAsColdAsOthersMadeThem) {
   Profile profile = steady_profile();
   set_cache(profile, 2 * sobel_bytes);
   profile.conditions = {execute("gaussian_blur", "cpu", 6, Condition::kColdCache)};
-  const std::string blur = "{name: a, workload: gaussian_blur, eligible: [cpu]}";
-  const auto alone = p50s_ms(
-      profile, "mix: m\npipelines:\n  p: {closed_loop: {frames: 50}, tasks: [" + blur + "]}\n");
-  EXPECT_NEAR(alone[0], 4, 4 * kHistogram);
-  const auto others =
-      p50s_ms(profile, "mix: m\npipelines:\n  p: {closed_loop: {frames: 50}, tasks: [" + blur +
-                           ", {name: b, workload: sobel, eligible: [cpu], after: [a]}]}\n");
+  EXPECT_NEAR(p50s_ms(profile, frames())[0], 4, 4 * kHistogram);
+  const auto others = p50s_ms(profile, frames(kSobelAfter));
   EXPECT_NEAR(others[0], (4 + (6 - 4) / 2.0) + 2, 7 * kHistogram);
 }
 
@@ -157,15 +137,7 @@ TEST(CallEffects, ColdIsAtMostWhatWasMeasuredCold) {
   Profile profile = steady_profile();
   set_cache(profile, 1);
   profile.conditions = {execute("gaussian_blur", "cpu", 6, Condition::kColdCache)};
-  const auto p50 = p50s_ms(profile, R"(
-mix: m
-pipelines:
-  p:
-    closed_loop: {frames: 50}
-    tasks:
-      - {name: a, workload: gaussian_blur, eligible: [cpu]}
-      - {name: b, workload: sobel, eligible: [cpu], after: [a]}
-)");
+  const auto p50 = p50s_ms(profile, frames(kSobelAfter));
   EXPECT_NEAR(p50[0], 6 + 2, 8 * kHistogram);
 }
 
@@ -179,16 +151,8 @@ TEST(CallEffects, TheLastCachesAreAsColdAsAllUnitsOfTheMemoryMadeThem) {
   set_last_cache(profile, 4 * sobel_bytes);
   profile.conditions = {execute("gaussian_blur", "cpu", 6, Condition::kColdCache),
                         execute("gaussian_blur", "cpu", 10, Condition::kColdMemory)};
-  const auto p50 = p50s_ms(profile, R"(
-mix: m
-pipelines:
-  p:
-    closed_loop: {frames: 50}
-    tasks:
-      - {name: a, workload: gaussian_blur, eligible: [cpu]}
-      - {name: b, workload: sobel, eligible: [cpu], after: [a]}
-      - {name: c, workload: sobel, eligible: [gpu], after: [a]}
-)");
+  const auto p50 = p50s_ms(
+      profile, frames(kSobelAfter + ", {name: c, workload: sobel, eligible: [gpu], after: [a]}"));
   EXPECT_NEAR(p50[0], (6 + (10 - 6) / 2.0) + 2, 10 * kHistogram);
 }
 
@@ -204,17 +168,13 @@ TEST(CallEffects, CachesForgetInTimeWhatNobodyOfTheMixTouched) {
   for (const auto& [sleep_ms, ms] : {std::pair(0.0, 1.0), {1.0, 1.5}, {10.0, 2.5}}) {
     add_unit_time(profile, UnitPhase::kReread, sleep_ms, ms);
   }
-  const std::string mix = R"(
-mix: m
-pipelines:
-  p: {rate_hz: 100, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
-)";
-  EXPECT_NEAR(p50s_ms(profile, mix)[0], 4, 4 * kHistogram) << "nobody knows what memory would cost";
+  EXPECT_NEAR(p50s_ms(profile, kBlur)[0], 4, 4 * kHistogram)
+      << "nobody knows what memory would cost";
   add_unit_time(profile, UnitPhase::kRereadCold, 0, 3);
   const double lost = 0.25 + 0.5 * std::log10(5.94);
-  EXPECT_NEAR(p50s_ms(profile, mix)[0], 4 + 0.1 * lost, 4 * kHistogram);
+  EXPECT_NEAR(p50s_ms(profile, kBlur)[0], 4 + 0.1 * lost, 4 * kHistogram);
   profile.unit_times.back().median = from_ms(1.05);
-  EXPECT_NEAR(p50s_ms(profile, mix)[0], 4, 4 * kHistogram) << "nothing to lose";
+  EXPECT_NEAR(p50s_ms(profile, kBlur)[0], 4, 4 * kHistogram) << "nothing to lose";
 }
 
 // Both begin at once. Of sobel all 2 ms are beside gaussian_blur, of that 2 of its 4 ms: 2 x 1.5
@@ -235,11 +195,7 @@ pipelines:
   // On memories of their own they do not.
   std::string board = kBoard;
   board.replace(board.rfind("dram"), 4, "vram");
-  ScheduleOptions options;
-  options.mode = "met";
-  options.duration = std::chrono::seconds(1);
-  const RunRecord apart =
-      run_virtual(platform_of(board.c_str()), &profile, mix_of(mix.c_str()), options);
+  const RunRecord apart = run_virtual(platform_of(board), &profile, mix_of(mix), mode("met", 1));
   EXPECT_NEAR(apart.pipelines[0].p50_ms.value(), 4, 4 * kHistogram);
 }
 
@@ -256,10 +212,8 @@ TEST(CallEffects, WhatSlowsASlicedCallSlowsEachOfItsSlicesOnce) {
   profile.phases = {execute("describe_scene", "cpu", 10), execute("gaussian_blur", "gpu", 20)};
   profile.conditions = {execute("describe_scene", "cpu", 20, Condition::kBesideCompute),
                         execute("gaussian_blur", "gpu", 20, Condition::kBesideCompute)};
-  ScheduleOptions options;
-  options.mode = "edf";
+  ScheduleOptions options = mode("edf", 1);
   options.slices = true;
-  options.duration = std::chrono::seconds(1);
   const RunRecord record = run_on(kBoard, profile, R"(
 mix: m
 pipelines:
@@ -273,40 +227,186 @@ pipelines:
   EXPECT_NEAR(record.pipelines[0].p50_ms.value(), 20, 0.05);
 }
 
-// The blur takes 4 ms, and 2 more beside sobel, which began before it: a joule of its own, and 1 W
-// of 6 ms beside 1 W of sobel's 2.
+// On units 0 and 2 the blur, from 0, and sobel, from 8, slow each other: 20 + 2 and 2 x 2 ms.
+// Nobody knows what slows the scene, which is suspended at 6 and resumed at 7.
+TEST(CallEffects, ASlicedCallOfWhichNothingIsKnownLeavesOtherUnitsAsTheyAre) {
+  Profile profile = steady_profile();
+  profile.phases = {execute("gaussian_blur", "gpu", 20), execute("sobel", "dsp", 2)};
+  profile.conditions = {execute("gaussian_blur", "gpu", 40, Condition::kBesideCompute),
+                        execute("sobel", "dsp", 4, Condition::kBesideCompute)};
+  ScheduleOptions options = mode("edf", 1);
+  options.slices = true;
+  const RunRecord record = run_on(R"(
+platform: board
+units:
+  gpu: {backend: cpu, role: gpu, memory: dram, active_w: 1}
+  cpu: {slots: 1, active_w: 1}
+  dsp: {backend: cpu, role: dsp, memory: dram, active_w: 1}
+workloads: {describe_scene: {cpu: [{on: cpu, ms: 10}]}}
+)",
+                                  profile, R"(
+mix: m
+pipelines:
+  blur: {rate_hz: 10, tasks: [{name: a, workload: gaussian_blur, eligible: [gpu]}]}
+  scene: {rate_hz: 10, tasks: [{name: a, workload: describe_scene, eligible: [cpu]}]}
+  planning: {rate_hz: 10, offset_ms: 3, deadline_ms: 50, tasks: [{name: a, service_ms: {cpu: 1}}]}
+  sobel: {rate_hz: 10, offset_ms: 8, tasks: [{name: a, workload: sobel, eligible: [dsp]}]}
+)",
+                                  options);
+  EXPECT_EQ(record.suspensions, 10);
+  EXPECT_NEAR(record.pipelines[0].p50_ms.value(), 22, 22 * kHistogram);
+  EXPECT_NEAR(record.pipelines[3].p50_ms.value(), 4, 4 * kHistogram);
+}
+
+// The blur is [0, 4), the scene, of a live run, [4, 7) and, 10 ms after the plan of [7, 8), [18,
+// 20): beside it sobel, which comes at 9, takes what it takes alone.
+TEST(CallEffects, ASlicedCallOfWhichNothingIsKnownIsNotTakenForTheOneBeforeIt) {
+  Profile profile = steady_profile();
+  profile.phases.push_back(execute("describe_scene", "cpu", 5));
+  profile.phases.back().notes = {"live"};
+  profile.conditions = {execute("sobel", "gpu", 4, Condition::kBesideCompute)};
+  add_unit_time(profile, UnitPhase::kLeave, 0, 10);
+  ScheduleOptions options = mode("edf", 1);
+  options.slices = true;
+  const RunRecord record = run_on(kBoard, profile, R"(
+mix: m
+pipelines:
+  blur: {rate_hz: 10, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+  scene: {rate_hz: 10, offset_ms: 1, tasks: [{name: a, workload: describe_scene, eligible: [cpu]}]}
+  planning: {rate_hz: 10, offset_ms: 5, deadline_ms: 50, tasks: [{name: a, service_ms: {cpu: 1}}]}
+  sobel: {rate_hz: 10, offset_ms: 9, tasks: [{name: a, workload: sobel, eligible: [gpu]}]}
+)",
+                                  options);
+  EXPECT_EQ(record.suspensions, 10);
+  EXPECT_NEAR(record.pipelines[1].p50_ms.value(), 20 - 1, 19 * kHistogram);
+  EXPECT_NEAR(record.pipelines[3].p50_ms.value(), 2, 2 * kHistogram);
+}
+
+/// A call on its unit cpu costs a joule of its own.
+std::string with_own_joules() {
+  std::string board = kBoard;
+  return board.replace(board.find("active_w: 1"), 11, "active_w: 1, energy: {call_j: 1}");
+}
+
+// The blur takes 4 ms, and 2 more beside sobel, whichever begins first, and in the midst of it: a
+// joule of its own, and 1 W of 6 ms beside 1 W of sobel's 2.
 TEST(CallEffects, ACallsOwnJoulesAreTheSameBesideOthers) {
   Profile profile = steady_profile();
   profile.conditions = {execute("gaussian_blur", "cpu", 8, Condition::kBesideCompute)};
-  std::string board = kBoard;
-  board.replace(board.find("active_w: 1"), 11, "active_w: 1, energy: {call_j: 1}");
-  ScheduleOptions options;
-  options.mode = "met";
-  options.duration = std::chrono::seconds(1);
-  const RunRecord record = run_on(board, profile, R"(
+  const std::string blur = "tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}\n";
+  const std::string sobel = "tasks: [{name: a, workload: sobel, eligible: [gpu]}]}\n";
+  for (const std::string& pipelines :
+       {"  q: {rate_hz: 10, " + sobel + "  p: {rate_hz: 10, " + blur,
+        "  p: {rate_hz: 10, " + blur + "  q: {rate_hz: 10, " + sobel,
+        "  p: {rate_hz: 10, " + blur + "  q: {rate_hz: 10, offset_ms: 1, " + sobel}) {
+    const RunRecord record =
+        run_on(with_own_joules(), profile, "mix: m\npipelines:\n" + pipelines, mode("met", 1));
+    EXPECT_NEAR(record.energy_j.value(), 10 * (1 + 0.006 + 0.002), 1e-6) << pipelines;
+    EXPECT_NEAR(record.power_highest_w.value(), record.energy_j.value(), 1e-6) << pipelines;
+  }
+}
+
+// Beside sobels of 2 ms, from 1 and from 4 ms on, the blur takes 4, 6 and then 8 ms.
+TEST(CallEffects, ACallsOwnJoulesAreTheSameIfItIsSlowedTwice) {
+  Profile profile = steady_profile();
+  profile.conditions = {execute("gaussian_blur", "cpu", 8, Condition::kBesideCompute)};
+  const RunRecord record = run_on(with_own_joules(), profile, R"(
 mix: m
 pipelines:
-  q: {rate_hz: 10, tasks: [{name: a, workload: sobel, eligible: [gpu]}]}
   p: {rate_hz: 10, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+  q: {rate_hz: 10, offset_ms: 1, tasks: [{name: a, workload: sobel, eligible: [gpu]}]}
+  r: {rate_hz: 10, offset_ms: 4, tasks: [{name: a, workload: sobel, eligible: [gpu]}]}
+)",
+                                  mode("met", 1));
+  EXPECT_NEAR(record.pipelines[0].p50_ms.value(), 8, 8 * kHistogram);
+  EXPECT_NEAR(record.energy_j.value(), 10 * (1 + 0.008 + 2 * 0.002), 1e-6);
+  EXPECT_NEAR(record.power_highest_w.value(), record.energy_j.value(), 1e-6);
+}
+
+// Sobel waits for the blur, or shares its server, and becomes longer as it begins: who looks for
+// the fullest second hears of it then.
+TEST(CallEffects, WhatACallThatWaitedDrawsIsInTheFullestSecond) {
+  Profile profile = steady_profile();
+  profile.conditions = {execute("gaussian_blur", "cpu", 8, Condition::kBesideCompute),
+                        execute("sobel", "cpu", 4, Condition::kBesideCompute)};
+  for (const char* slots :
+       {"slots: 2, servers: 1, ", "slots: 2, servers: 1, discipline: processor_sharing, "}) {
+    std::string board = with_own_joules();
+    board.insert(board.find("backend: cpu"), slots);
+    const RunRecord record = run_on(board, profile, R"(
+mix: m
+pipelines:
+  p: {rate_hz: 10, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+  r: {rate_hz: 10, offset_ms: 1, tasks: [{name: a, workload: sobel, eligible: [cpu]}]}
+  q: {rate_hz: 10, offset_ms: 2, tasks: [{name: a, workload: gaussian_blur, eligible: [gpu]}]}
+)",
+                                    mode("met", 1));
+    EXPECT_GT(record.energy_j.value(), 20) << slots;
+    EXPECT_NEAR(record.power_highest_w.value(), record.energy_j.value(), 1e-6) << slots;
+  }
+}
+
+// Of the scene's joule 0.6 is drawn in [0, 6), and 0.4 from 7, when the plan has ended, in its rest
+// of 4 ms and the 0.5 ms that going on takes, which draw nothing else.
+TEST(CallEffects, ACallsOwnJoulesAreTheSameIfItIsSuspended) {
+  Profile profile = steady_profile();
+  profile.phases = {execute("describe_scene", "cpu", 10)};
+  add_unit_time(profile, UnitPhase::kLeave, 0, 0.5);
+  ScheduleOptions options = mode("edf", 1);
+  options.slices = true;
+  const RunRecord record = run_on(with_own_joules(), profile, R"(
+mix: m
+pipelines:
+  scene: {rate_hz: 10, tasks: [{name: a, workload: describe_scene, eligible: [cpu]}]}
+  planning: {rate_hz: 10, offset_ms: 3, deadline_ms: 50, tasks: [{name: a, service_ms: {cpu: 1}}]}
 )",
                                   options);
-  EXPECT_NEAR(record.pipelines[1].p50_ms.value(), 6, 6 * kHistogram);
-  EXPECT_NEAR(record.energy_j.value(), 10 * (1 + 0.006 + 0.002), 1e-6);
+  EXPECT_EQ(record.suspensions, 10);
+  EXPECT_NEAR(record.pipelines[0].p50_ms.value(), 11.5, 11.5 * kHistogram);
+  EXPECT_NEAR(record.energy_j.value(), 10 * (1 + 0.010 + 0.001), 1e-6);
+  EXPECT_NEAR(record.power_highest_w.value(), record.energy_j.value(), 1e-6);
+}
+
+// Twice as long at the same energy: the blur takes 8 ms, and 2 more beside sobel, for 5 ms of 1 W.
+TEST(CallEffects, AScaledStageDrawsLessWhereOthersLengthenIt) {
+  Profile profile = steady_profile();
+  profile.conditions = {execute("gaussian_blur", "cpu", 8, Condition::kBesideCompute)};
+  Platform platform = platform_of(kBoard);
+  platform.modes["met"].stage_scale["cpu.execute"] = 2;
+  ScheduleOptions options = mode("met", 1);
+  options.watch_power = true;
+  const std::string p =
+      "  p: {rate_hz: 10, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}\n";
+  const std::string q =
+      "  q: {rate_hz: 10, tasks: [{name: a, workload: sobel, eligible: [gpu]}]}\n";
+  for (const std::string& pipelines : {p + q, q + p}) {
+    const RunRecord record =
+        run_virtual(platform, &profile, mix_of("mix: m\npipelines:\n" + pipelines), options);
+    EXPECT_NEAR(record.energy_j.value(), 10 * (0.005 + 0.002), 1e-6) << pipelines;
+    EXPECT_NEAR(record.power_highest_w.value(), record.energy_j.value(), 1e-6) << pipelines;
+  }
+}
+
+// At most 8 ms of 1 W beside one that runs all the time, and a joule of its own.
+TEST(CallEffects, ACallsOwnJoulesCountOnceTowardsACap) {
+  Profile profile = steady_profile();
+  profile.conditions = {execute("gaussian_blur", "cpu", 8, Condition::kBesideCompute)};
+  const Platform platform = platform_of(with_own_joules());
+  const Mix mix = mix_of(kBlur);
+  const Scenario scenario = make_scenario(platform, &profile, mix, {}, CloudUse::kAll);
+  EXPECT_NEAR(plan_tasks(scenario, 0)[0].calls[0].window_j(), 1 + 0.008, 1e-9);
 }
 
 // 4 ms of each 8 pass before the call begins.
 TEST(CallEffects, AHandOverDrawsNothingInTheFullestSecondEither) {
   Profile profile = steady_profile();
   for (const double sleep_ms : {0.0, 1.0}) add_handover(profile, sleep_ms, 4);
-  ScheduleOptions options;
-  options.mode = "met";
-  options.in_flight = 1;
   const RunRecord record = run_on(kBoard, profile, R"(
 mix: m
 pipelines:
   p: {closed_loop: {frames: 250}, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
 )",
-                                  options);
+                                  mode("met", 0, 1));
   EXPECT_NEAR(record.makespan_s, 2, 1e-6);
   EXPECT_NEAR(record.power_highest_w.value(), record.average_power_w.value(), 1e-6);
 }
@@ -317,20 +417,14 @@ TEST(CallEffects, RowsOfLiveRunsGetNothingAdded) {
   set_cache(profile, 1);
   profile.conditions = {execute("gaussian_blur", "cpu", 6, Condition::kColdCache)};
   for (PhaseRow& row : profile.phases) row.notes = {"live"};
-  const auto p50 = p50s_ms(profile, R"(
-mix: m
-pipelines:
-  p: {rate_hz: 100, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
-)");
+  const auto p50 = p50s_ms(profile, kBlur);
   EXPECT_NEAR(p50[0], 4, 4 * kHistogram);
 }
 
 /// A board whose cloud would take half a second for what is due in 100 ms.
 RunRecord with_a_cloud(const Profile& profile, Draw draw, const std::string& more_tasks = "") {
-  ScheduleOptions options;
-  options.mode = "advanced";
+  ScheduleOptions options = mode("advanced", 0.5);
   options.draw = draw;
-  options.duration = from_ms(500);
   const std::string tasks =
       "tasks: [{name: a, workload: gaussian_blur, eligible: [cpu, cloud]}" + more_tasks + "]";
   return run_virtual(
@@ -369,8 +463,7 @@ TEST(CallEffects, ATaskComesBackFromTheCloudInTimeToBeHandedOverToAColdUnit) {
 
 // What comes after it is handed over as well: 0.4 + 2 ms more.
 TEST(CallEffects, ATaskComesBackFromTheCloudInTimeForThoseAfterItToBeHandedOver) {
-  const RunRecord record = with_a_cloud(
-      with_late_calls(), Draw::kP95, ", {name: b, workload: sobel, eligible: [cpu], after: [a]}");
+  const RunRecord record = with_a_cloud(with_late_calls(), Draw::kP95, kSobelAfter);
   EXPECT_EQ(record.pipelines[0].deadline_misses, 0);
   // b follows a: handed over to a unit that is awake, in 0.2 ms.
   EXPECT_NEAR(record.pipelines[0].p50_ms.value(), 91.8 - 2.4 + 0.4 + 7 + 0.2 + 2, 99 * kHistogram);

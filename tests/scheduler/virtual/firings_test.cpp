@@ -119,14 +119,12 @@ TEST(VirtualTime, AnOffsetAndJitterMoveFirings) {
 TEST(VirtualTime, ClosedLoopsKeepTheirFramesWhenBuffersRunOut) {
   // In flight 3, but two buffers: of the first three firings one is dropped; the other two go on,
   // one for one, to the end: whoever has no buffer then waits for one.
-  ScheduleOptions options = mode("throughput");
-  options.in_flight = 3;
   const auto record = run(platform_of(kOneModelled), mix_of(R"(
 mix: m
 image_buffers: 2
 pipelines: {p: {closed_loop: {frames: 10}, tasks: [{workload: fc8, image_input: true}]}}
 )"),
-                          options);
+                          mode("throughput", 0, 3));
   EXPECT_EQ(record.pipelines[0].fired, 10);
   EXPECT_EQ(record.pipelines[0].completed, 9);
   EXPECT_EQ(record.dropped, 1);
@@ -141,11 +139,7 @@ pipelines:
   first: {closed_loop: {frames: 1}, tasks: [{workload: fc8, image_input: true}]}
   loop: {closed_loop: {frames: 3}, tasks: [{workload: fc8, image_input: true}]}
 )"),
-                          [] {
-                            auto options = mode("throughput");
-                            options.in_flight = 1;
-                            return options;
-                          }());
+                          mode("throughput", 0, 1));
   EXPECT_EQ(record.pipelines[1].fired, 3);
   EXPECT_EQ(record.pipelines[1].completed, 2);
   EXPECT_DOUBLE_EQ(record.makespan_s, 0.09);
@@ -155,8 +149,7 @@ TEST(VirtualTime, AClosedLoopThatMissedABufferHasAllItsFramesInFlightAgainWhenOn
   // Six servers of 30 ms, two buffers: `other` has one of them until 30 ms and then no frame more,
   // so that of the loop's two frames at 0 one is dropped; from 30 ms on two are in flight: two each
   // at 30, 60 and 90. One at a time they would take till 210.
-  ScheduleOptions options = mode("throughput");
-  options.in_flight = 2;
+  ScheduleOptions options = mode("throughput", 0, 2);
   options.weights = {{"cpu", 6}};
   const auto record = run(platform_of(R"(
 platform: six
@@ -179,8 +172,6 @@ pipelines:
 
 TEST(VirtualTime, FiresAsManyFramesAsAClosedLoopHasWhenItsFirstFindsNoBuffer) {
   // Both frames are fired at 0; the first finds no buffer, and none is left for its place.
-  ScheduleOptions options = mode("throughput");
-  options.in_flight = 2;
   const auto record = run(platform_of(kOneModelled), mix_of(R"(
 mix: m
 image_buffers: 1
@@ -188,7 +179,7 @@ pipelines:
   first: {closed_loop: {frames: 1}, tasks: [{workload: fc8, image_input: true}]}
   loop: {closed_loop: {frames: 2}, tasks: [{workload: fc8, image_input: true}]}
 )"),
-                          options);
+                          mode("throughput", 0, 2));
   EXPECT_EQ(record.pipelines[1].fired, 2);
   EXPECT_EQ(record.pipelines[1].dropped, 2);
   expect_balanced(record);
@@ -231,11 +222,7 @@ pipelines:
   loop: {closed_loop: {frames: 100}, tasks: [{workload: fc8}]}
   clock: {rate_hz: 1, tasks: [{workload: fc8}]}
 )"),
-                          [] {
-                            auto options = mode("throughput", 0.09);
-                            options.in_flight = 1;
-                            return options;
-                          }());
+                          mode("throughput", 0.09, 1));
   EXPECT_EQ(record.pipelines[0].fired, 2);
   EXPECT_EQ(record.pipelines[0].completed, 2);
   EXPECT_EQ(record.pipelines[1].completed, 1);
@@ -246,11 +233,9 @@ pipelines:
 TEST(VirtualTime, HoldsClosedLoopTasksBeyondTheWeights) {
   // In flight 4, but the unit's weight is 1: latency counts from the dispatch, so that it is 30 ms
   // for each.
-  ScheduleOptions options = mode("throughput");
-  options.in_flight = 4;
+  ScheduleOptions options = mode("throughput", 0, 4);
   options.weights = {{"cpu", 1}};
-  const auto mix =
-      mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 8}, tasks: [{workload: fc8}]}}");
+  const auto mix = closed(8);
   const auto held = run(platform_of(kOneModelled), mix, options);
   EXPECT_DOUBLE_EQ(*held.mean_latency_ms, 30);
   EXPECT_EQ(held.overflow, "hold");

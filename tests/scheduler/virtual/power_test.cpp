@@ -14,11 +14,6 @@ units: {dsp: {slots: 1, active_w: 0, energy: {call_j: 1}}}
 workloads: {fc8: {dsp: [{on: dsp, ms: 10}]}}
 )";
 
-Mix closed(int frames, const std::string& workload = "fc8") {
-  return mix_of("mix: m\npipelines: {a: {closed_loop: {frames: " + std::to_string(frames) +
-                "}, tasks: [{workload: " + workload + "}]}}\n");
-}
-
 RunRecord watched(const Platform& platform, const Mix& mix, ScheduleOptions options) {
   options.watch_power = true;
   return run(platform, mix, options);
@@ -140,8 +135,7 @@ pipelines:
       - {name: make, service_ms: {cpu: 1}}
       - {name: use, service_ms: {gpu: 1}, after: [{task: make, bytes: 1000000}]}
 )");
-  ScheduleOptions options = mode("ect");
-  options.in_flight = 1;
+  ScheduleOptions options = mode("ect", 0, 1);
   const auto free = watched(platform, mix, options);
   EXPECT_NEAR(*free.power_highest_w, 2, 1e-6);
   EXPECT_NEAR(*free.energy_j, 6, 1e-6);

@@ -3,7 +3,7 @@
 #include <filesystem>
 
 #include "scheduler/trace/replay.h"
-#include "tests/scheduler/support.h"
+#include "tests/scheduler/virtual/virtual_support.h"
 
 namespace pirt::test {
 namespace {
@@ -18,8 +18,7 @@ Script script_of(const std::string& mode, int weight) {
 NamedTask task(TaskId id, WorkloadId workload, std::optional<Nanos> deadline, bool image = false) {
   return {.id = id,
           .kind = {.workload = workload, .eligible = kLocal, .image_input = image},
-          .deadline = deadline,
-          .expires_at = {}};
+          .deadline = deadline};
 }
 
 TEST(SlicedDispatcher, LetsInWhatHasANearerDeadlineTheNearestFirst) {
@@ -73,6 +72,27 @@ TEST(SlicedDispatcher, LetsInFromTheHighPriorityQueueToo) {
   EXPECT_EQ(script.complete(kGpu, 2), "+1");
 }
 
+// Tasks of one class, which are held or in the high-priority queue in the order in which they came.
+TEST(SlicedDispatcher, LetsInTheNearestOfWhatIsInNoQueueFirst) {
+  for (const auto& [mode, weight] : {std::pair("throughput", 1), {"advanced", 9}}) {
+    SCOPED_TRACE(mode);
+    const bool image = weight == 9;
+    Script script = script_of(mode, weight);
+    EXPECT_EQ(script.submit_all(1, {task(1, 0, {})}), "G1");
+    EXPECT_EQ(script.submit_all(2, {task(2, 1, Nanos(1000), image)}), "");
+    EXPECT_EQ(script.submit_all(3, {task(3, 1, Nanos(50), image)}), "");
+    EXPECT_EQ(script.dispatcher().state(2), image ? TaskState::kHighPriority : TaskState::kHeld);
+    EXPECT_EQ(script.slice(kGpu, 1), "~1 G3");
+    // And of those that come once a call has ended a slice.
+    EXPECT_EQ(script.submit_all(4, {task(4, 1, Nanos(900), image)}), "");
+    EXPECT_EQ(script.submit_all(5, {task(5, 1, Nanos(40), image)}), "");
+    EXPECT_EQ(script.cancel(5), "-5");
+    EXPECT_EQ(script.complete(kGpu, 3), "G4");
+    EXPECT_EQ(script.complete(kGpu, 4), "G2");
+    EXPECT_EQ(script.complete(kGpu, 2), "+1");
+  }
+}
+
 TEST(SlicedDispatcher, WhatIsLeftMayBeCancelledFailAndLoseItsUnit) {
   Script script = script_of("throughput", 9);
   EXPECT_EQ(script.submit_all(1, {task(1, 0, {})}), "G1");
@@ -109,11 +129,9 @@ workloads:
   alexnet: {cpu: [{on: cpu, ms: 30}]}
 )";
 
-ScheduleOptions options_of(const std::string& mode, std::optional<bool> slices = {}) {
-  ScheduleOptions options;
-  options.mode = mode;
+ScheduleOptions options_of(const std::string& name, std::optional<bool> slices = {}) {
+  ScheduleOptions options = mode(name, 2);
   options.slices = slices;
-  options.duration = from_s(2);
   return options;
 }
 
@@ -225,8 +243,7 @@ pipelines:
       options.trace = trace_path();
       const auto record = run_virtual(platform, nullptr, mix, options);
       EXPECT_GT(record.suspensions.value_or(0), 0);
-      EXPECT_EQ(record.submitted,
-                record.completed + record.dropped + record.expired + record.failed + record.queued);
+      expect_balanced(record);
       EXPECT_EQ(record.stalled, 0);
       const auto replayed = replay_file(*options.trace);
       EXPECT_FALSE(replayed.result.difference);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <string>
 
 #include "tests/scheduler/support.h"
@@ -12,10 +13,12 @@ inline RunRecord run(const Platform& platform, const Mix& mix, ScheduleOptions o
   return run_virtual(platform, nullptr, mix, options);
 }
 
-inline ScheduleOptions mode(const std::string& name, double duration_s = 0) {
+inline ScheduleOptions mode(const std::string& name, double duration_s = 0,
+                            std::optional<int> in_flight = {}) {
   ScheduleOptions options;
   options.mode = name;
   if (duration_s > 0) options.duration = from_s(duration_s);
+  options.in_flight = in_flight;
   return options;
 }
 
@@ -26,6 +29,12 @@ inline const UnitResult& unit(const RunRecord& record, const std::string& name) 
 inline void expect_balanced(const RunRecord& record) {
   EXPECT_EQ(record.submitted,
             record.completed + record.dropped + record.expired + record.failed + record.queued);
+}
+
+/// So many calls in a closed loop.
+inline Mix closed(int frames, const std::string& workload = "fc8") {
+  return mix_of("mix: m\npipelines: {p: {closed_loop: {frames: " + std::to_string(frames) +
+                "}, tasks: [{workload: " + workload + "}]}}\n");
 }
 
 /// One unit `cpu` that serves fc8 in 30 ms, one at a time.

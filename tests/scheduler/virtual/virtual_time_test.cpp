@@ -48,14 +48,9 @@ workloads:
     cpu: [{on: cpu, ms: 4}]
     gpu: [{on: cpu, ms: 2, name: host}, {on: gpu, ms: 1, name: kernel}]
 )");
-  ScheduleOptions options = mode("throughput");
+  ScheduleOptions options = mode("throughput", 0, 3);
   options.weights = {{"gpu", 2}, {"cpu", 1}};
-  options.in_flight = 3;
-  const auto record = run(
-      platform,
-      mix_of(
-          "mix: m\npipelines: {p: {closed_loop: {frames: 3}, tasks: [{workload: convolution}]}}"),
-      options);
+  const auto record = run(platform, closed(3, "convolution"), options);
   EXPECT_DOUBLE_EQ(record.makespan_s, 0.005);
   EXPECT_DOUBLE_EQ(*unit(record, "cpu").mean_latency_ms, 5);
   EXPECT_DOUBLE_EQ(*unit(record, "gpu").mean_latency_ms, 4.5);
@@ -71,11 +66,8 @@ TEST(VirtualTime, RefusesRunsThatNoNanosecondsCount) {
   for (const std::string of : {"discipline: fifo", "discipline: processor_sharing"}) {
     const auto platform = platform_of("platform: slow\nunits: {cpu: {active_w: 1, slots: 1000, " +
                                       of + "}}\nworkloads: {fc8: {cpu: [{on: cpu, ms: 1e9}]}}");
-    const auto mix = mix_of(
-        "mix: m\npipelines: {p: {closed_loop: {frames: 1000000}, tasks: [{workload: fc8}]}}");
-    auto options = mode("olb");
-    options.in_flight = 1000;
-    EXPECT_THAT(bad_input([&] { static_cast<void>(run(platform, mix, options)); }),
+    const auto mix = closed(1'000'000);
+    EXPECT_THAT(bad_input([&] { static_cast<void>(run(platform, mix, mode("olb", 0, 1000))); }),
                 HasSubstr("20 years"));
   }
 }
@@ -84,10 +76,7 @@ TEST(VirtualTime, ScaledStagesTakeLongerAndCostTheSame) {
   auto platform = platform_of(kOneModelled);
   platform.modes["throughput"].stage_scale = {{"cpu.execute", 1.5}};
   platform.units[0].idle_w = 0;
-  const auto record =
-      run(platform,
-          mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 2}, tasks: [{workload: fc8}]}}"),
-          mode("throughput"));
+  const auto record = run(platform, closed(2), mode("throughput"));
   EXPECT_DOUBLE_EQ(record.makespan_s, 0.09);
   EXPECT_DOUBLE_EQ(unit(record, "cpu").busy_s, 0.09);
   EXPECT_NEAR(record.energy_j.value(), 2 * 0.06, 1e-12);
@@ -311,15 +300,12 @@ TEST(VirtualTime, SaysWhichTasksNothingIsEverGoingToStart) {
       return taken_++ < 2 ? Placement::on(0) : Placement::hold();
     }
     UnitMask takers(const TaskClass& task, UnitMask) const override { return task.eligible; }
-    std::vector<UnitId> order() const override { return order_; }
 
    private:
     int taken_ = 0;
-    std::vector<UnitId> order_ = {0};
   };
   const auto platform = platform_of(kOneModelled);
-  const auto mix =
-      mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 5}, tasks: [{workload: fc8}]}}");
+  const auto mix = closed(5);
   Scenario scenario = make_scenario(platform, nullptr, mix, {}, CloudUse::kNone);
   scenario.in_flight = {3};
   Dispatcher dispatcher({1}, std::make_unique<TakesTwo>());
@@ -388,17 +374,14 @@ TEST(VirtualTime, EverythingBalancesInRandomMixes) {
 }
 
 TEST(VirtualTime, AnImageOnTheJetsonTakesWhatTableFourPrints) {
-  const Mix mix =
-      mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 10}, tasks: [{workload: alexnet}]}}\n");
-  for (const auto& [mode, ms, joules] :
+  const Mix mix = closed(10, "alexnet");
+  for (const auto& [name, ms, joules] :
        {std::tuple("cpu-only", 400.0, 0.8), std::tuple("throughput", 33.0, 0.132)}) {
-    ScheduleOptions options;
-    options.mode = mode;
-    options.in_flight = 1;
-    if (mode == std::string("throughput")) options.weights = {{"gpu", 1}};
-    const RunRecord record = run_virtual(load_platform("jetson-tx1"), nullptr, mix, options);
-    EXPECT_NEAR(record.makespan_s, 10 * ms / 1e3, 1e-9) << mode;
-    EXPECT_NEAR(record.energy_j.value(), 10 * joules, 1e-9) << mode;
+    ScheduleOptions options = mode(name, 0, 1);
+    if (name == std::string("throughput")) options.weights = {{"gpu", 1}};
+    const RunRecord record = run(load_platform("jetson-tx1"), mix, options);
+    EXPECT_NEAR(record.makespan_s, 10 * ms / 1e3, 1e-9) << name;
+    EXPECT_NEAR(record.energy_j.value(), 10 * joules, 1e-9) << name;
   }
 }
 

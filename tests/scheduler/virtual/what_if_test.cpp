@@ -3,6 +3,7 @@
 
 #include "scheduler/frontier.h"
 #include "scheduler/record/keeping_up.h"
+#include "tests/scheduler/profile_rows.h"
 #include "tests/scheduler/support.h"
 
 namespace pirt::test {
@@ -96,17 +97,8 @@ TEST(WhatIf, KnowsWhatDoesNotFitAsItIs) {
 }
 
 TEST(WhatIf, WarnsOfWhatItDoesNotUse) {
-  Profile profile;
-  profile.path = "p.db";
-  profile.runs.emplace_back().platform = "board";
-  for (const char* unit : {"cpu", "gpu"}) {
-    PhaseRow& row = profile.phases.emplace_back();
-    row.platform = "board";
-    row.workload = "fc8";
-    row.unit = unit;
-    row.backend = "fake";
-    row.median = row.p95 = from_ms(10);
-  }
+  Profile profile = profile_of({row_of("fc8", "cpu", Phase::kCall, from_ms(10)),
+                                row_of("fc8", "gpu", Phase::kCall, from_ms(10))});
   profile.phases.back().reasons = {"wrong_output"};
   const auto board = platform_of(
       "platform: board\nunits:\n  cpu: {backend: fake, active_w: 1}\n"
