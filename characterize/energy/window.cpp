@@ -86,8 +86,9 @@ WindowEnergy integrate(const MeterInfo& meter, const MeterTrace& trace) {
   if (trace.readings.size() < 2) return failed(meter.path + ": fewer than two readings");
   const bool still = stands_still(trace.readings);
   const std::int64_t first = trace.readings.front().value;
-  if (trace.stood_still || (still && (counter || first == 0)))
+  if (trace.stood_still || (still && (counter || first == 0))) {
     return {.energy_j = std::nullopt, .reason = "meter_frozen"};
+  }
   WindowEnergy energy = counter ? count(meter, trace) : add_trapezoids(trace);
   if (still) energy.constant_uw = first;
   return energy;

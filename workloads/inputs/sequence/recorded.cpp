@@ -540,8 +540,9 @@ class Reader {
     if (id == cameras_.front().topic) {
       // Where all were recorded at one time that tells no runs apart.
       if (begin > 0 && recorded[begin - 1] < recorded[begin]) window_.first = recorded[begin - 1];
-      if (end < recorded.size() && recorded[end - 1] < recorded[end])
+      if (end < recorded.size() && recorded[end - 1] < recorded[end]) {
         window_.second = recorded[end];
+      }
       span_ = {recorded[begin], recorded[end - 1]};
     }
     if (has_stamps) compare_clock(id, recorded, stamps);
