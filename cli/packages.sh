@@ -5,7 +5,7 @@ PIRT_PACKAGES=(
   g++ cmake ninja-build pkg-config git ca-certificates sqlite3
   libopencv-dev libdnnl-dev
   ocl-icd-opencl-dev opencl-headers opencl-clhpp-headers pocl-opencl-icd
-  libsqlite3-dev zlib1g-dev libyaml-cpp-dev libre2-dev nlohmann-json3-dev libcli11-dev libfmt-dev
+  libsqlite3-dev zlib1g-dev libjpeg-dev libyaml-cpp-dev libre2-dev nlohmann-json3-dev libcli11-dev libfmt-dev
   coinor-libclp-dev libceres-dev
   node-d3
 )
@@ -20,6 +20,18 @@ PIRT_FPGA_PACKAGES=(verilator)  # backend fpga, in the same way
 PIRT_PACKAGING=(dpkg-dev file)  # preset package
 
 say() { printf '== %s\n' "$*"; }
+
+# debian_release [ROOT]: what the release of Debian is called that this is, e.g. bookworm; on another system 77, a stage that is skipped.
+debian_release() {
+  local ID="" VERSION_CODENAME=""
+  # shellcheck source=/dev/null
+  source "${1:-}/etc/os-release"
+  if [[ $ID != debian ]]; then
+    echo "skipped: this is not Debian" >&2
+    return 77
+  fi
+  printf '%s\n' "$VERSION_CODENAME"
+}
 
 # install_packages NAME...: installs those that are missing; says so if it cannot.
 install_packages() {

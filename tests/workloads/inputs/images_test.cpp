@@ -18,6 +18,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/math/random.h"
 #include "workloads/base/text/text.h"
+#include "workloads/inputs/pictures/decoder.h"
 
 namespace pirt {
 namespace {
@@ -350,6 +351,26 @@ TEST_F(ImageFiles, WhatIsNoWholePictureIsRefusedWithItsName) {
       EXPECT_THAT(message, HasSubstr(cases[i].second)) << "case " << i;
       EXPECT_THAT(message, HasSubstr("replace the file"));
     }
+  }
+}
+
+TEST_F(ImageFiles, AJpegIsDecodedAsByOpenCvUnlessItIsDamaged) {
+  cv::Mat coloured(48, 64, CV_8UC3), grey;
+  cv::randu(coloured, 0, 255);
+  cv::cvtColor(coloured, grey, cv::COLOR_BGR2GRAY);
+  for (const cv::Mat& picture : {coloured, grey}) {
+    const std::string whole = read_file(save("a.jpg", picture));
+    const cv::Mat expected =
+        cv::imdecode(std::vector<std::uint8_t>(whole.begin(), whole.end()), cv::IMREAD_UNCHANGED);
+    const cv::Mat decoded = decode_unchanged(whole);
+    ASSERT_EQ(decoded.type(), picture.type());
+    ASSERT_EQ(decoded.size(), picture.size());
+    EXPECT_EQ(cv::norm(decoded, expected, cv::NORM_INF), 0);
+    const std::string end = "\xff\xd9", body = whole.substr(0, whole.size() - end.size());
+    testing::internal::CaptureStderr();
+    EXPECT_TRUE(decode_unchanged(body.substr(0, body.size() / 2) + end).empty());
+    EXPECT_FALSE(decode_unchanged(body + std::string(4, '\0') + end).empty()) << "which pads it";
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
   }
 }
 

@@ -276,6 +276,12 @@ TEST_F(Packed, FileOfMcapThatIsCutIsReadAsFarAsItIsWhole) {
   EXPECT_THAT(recording->warnings().front(),
               AllOf(HasSubstr("is not whole"), HasSubstr("messages")));
   EXPECT_EQ(recording->of_type("sensor_msgs/Imu").size(), 1U);
+  // As a file system leaves it where power was lost: as long as it was, and zeros in place of its
+  // end.
+  put(path("zeros.mcap"), text.substr(0, text.size() - 100'000) + std::string(100'000, '\0'));
+  const auto zeros = open_recording(path("zeros.mcap"));
+  EXPECT_EQ(zeros->describe(), recording->describe());
+  EXPECT_THAT(zeros->warnings(), testing::Contains(HasSubstr("is not whole")));
 }
 
 TEST_F(Packed, FileOfZstdIsUnpackedAndLeavesNothing) {
@@ -397,6 +403,17 @@ TEST_F(Packed, PartsOfAFolderAreOne) {
     for (const char* name : {"a_0", "a_1"}) fs::remove(folder / (name + ending));
     EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(folder)); }),
                 AllOf(HasSubstr("metadata.yaml:3"), HasSubstr("missing")));
+  }
+}
+
+TEST_F(Packed, APartThatIsNoFileIsRefused) {
+  fs::create_directory(path("rec"));
+  put(path("rec/a_0.mcap"), "not even one");
+  for (const std::string part : {"\"\"", "a_0.mcap/", ".", ".."}) {
+    put(path("rec/metadata.yaml"),
+        "rosbag2_bagfile_information:\n  relative_file_paths:\n    - " + part + "\n");
+    EXPECT_THAT(bad_input([&] { static_cast<void>(open_recording(path("rec"))); }),
+                AllOf(HasSubstr("metadata.yaml:3"), HasSubstr("no file")));
   }
 }
 

@@ -31,7 +31,17 @@ class OwnRecording : public testing::Test {
                              .encoding = encoding,
                              .step = data.size() / static_cast<std::size_t>(height),
                              .data = data},
-                WireFormat::kRos1));
+                writer_->format()));
+  }
+  /// @param encoding  Of @p data: "png", "jpeg".
+  void add_compressed(const std::string& topic, const std::string& encoding,
+                      const std::string& data) {
+    add(topic, ImageMessage::kCompressedType,
+        written(ImageMessage{.head = {Nanos(written_ + 1), frame_},
+                             .compressed = true,
+                             .encoding = encoding,
+                             .data = data},
+                writer_->format()));
   }
   /// Of 16x16 pixels.
   [[nodiscard]] static CameraInfoMessage info() {
@@ -44,7 +54,7 @@ class OwnRecording : public testing::Test {
     return message;
   }
   void add_info(const std::string& topic, const CameraInfoMessage& message = info()) {
-    add(topic, CameraInfoMessage::kType, written(message, WireFormat::kRos1));
+    add(topic, CameraInfoMessage::kType, written(message, writer_->format()));
   }
   void add_info(const std::string& topic, const std::string& lens, std::vector<double> d) {
     CameraInfoMessage message = info();

@@ -5,9 +5,13 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 
 #include "tests/workloads/inputs/own_recording.h"
+#include "workloads/inputs/pictures/decoder.h"
 #include "workloads/inputs/pictures/images.h"
+#include "workloads/inputs/sequence/bad_pictures.h"
 
 namespace pirt {
 namespace {
@@ -43,6 +47,26 @@ TEST_F(OwnRecording, SensorsThatNameNoFrameAreNotInTheSameOne) {
   EXPECT_THAT(sequence.imu, IsEmpty());
   EXPECT_THAT(sequence.warnings,
               ElementsAre(AllOf(HasSubstr("/imu is not used"), HasSubstr("names its frame"))));
+}
+
+TEST_F(OwnRecording, PlacesItsSensorsByTransformsOfBeforeTf2) {
+  file_ = scratch_.path() / "own.db3";
+  writer_ = make_db3(file_);
+  const auto add_imu = [this] {
+    add("/imu", ImuMessage::kType,
+        written(ImuMessage{.head = {Nanos(written_ + 1), "imu"}, .accel_m_s2 = {0, 0, 9.81}},
+                writer_->format()));
+  };
+  const TransformMessage place{
+      .head = {Nanos(1), "camera"}, .child = "imu", .parent_from_child = {}};
+  add_info("/camera/camera_info");
+  add("/tf", TransformMessage::kOldType, written(std::vector{place}, writer_->format()));
+  add_imu();
+  add_picture("/camera/image_raw", "mono8", 16, 16, kGrey);
+  add_imu();
+  const Sequence sequence = read();
+  EXPECT_EQ(sequence.imu.size(), 2U);
+  EXPECT_THAT(sequence.warnings, IsEmpty());
 }
 
 /// Two cameras, whose projections say where they sit.
@@ -123,6 +147,25 @@ TEST_F(RecordedPair, IsAsFarApartAsBothProjectionsSay) {
   const Sequence sequence = read();
   ASSERT_EQ(sequence.cameras.size(), 2U);
   EXPECT_NEAR(sequence.cameras[1].body_from_camera.position.x(), 0.5, 1e-12);
+}
+
+TEST_F(RecordedPair, IsOneThoughItsFirstPictureIsEmpty) {
+  const std::string png = encode_png(cv::Mat(16, 16, CV_8U, cv::Scalar(9)));
+  for (const auto& [name, shift] : {std::pair<std::string, double>("/left", 0), {"/right", -8}}) {
+    CameraInfoMessage message = info();
+    message.p[3] = shift;
+    add_info(name + "/camera_info", message);
+    for (int i = 1; i < 4; ++i) {
+      frame_ = name;
+      written_ = from_ms(50.0 * i).count();
+      add_compressed(name + "/image_raw/compressed", "png", i == 1 && shift < 0 ? "" : png);
+    }
+  }
+  const Sequence sequence = read();
+  ASSERT_EQ(sequence.cameras.size(), 2U);
+  EXPECT_THAT(test::bad_input([&] { static_cast<void>(sequence.image(0, 1)); }),
+              HasSubstr("has no pixels"));
+  EXPECT_FALSE(sequence.image(1, 1).empty());
 }
 
 TEST_F(RecordedPair, IsNoFurtherApartThanARobotIsLong) {
@@ -257,6 +300,38 @@ TEST_F(OwnRecording, GivesDarkPicturesOfADeepCameraAndLeavesOutAFew) {
   EXPECT_THAT(images->describe(), AllOf(HasSubstr("39 images"), HasSubstr("1 left out")));
   const Picture dark = images->gray(0, 16, 16);
   EXPECT_EQ(dark.pixels.as<std::uint8_t>()[0], 1);
+}
+
+TEST_F(OwnRecording, GivesPicturesThoughItsFirstMessageIsCut) {
+  constexpr int kPictures = 40;
+  add("/camera/image_raw", ImageMessage::kType, "");
+  for (int i = 1; i < kPictures; ++i) add_picture("/camera/image_raw", "mono8", 16, 16, kGrey);
+  writer_->publish();
+  EXPECT_THAT(images_from(file_)->describe(),
+              AllOf(HasSubstr("39 images"), HasSubstr("1 left out")));
+}
+
+TEST_F(OwnRecording, LeavesOutAJpegWhosePixelsAreDamaged) {
+  constexpr std::size_t kPictures = 40, kDamaged = 7, kCut = 60;
+  cv::Mat noise(16, 16, CV_8U);
+  cv::randu(noise, 0, 255);
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(".jpg", noise, bytes);
+  const std::string whole(bytes.begin(), bytes.end());
+  // Its end is there: only the decoder can tell.
+  const std::string damaged = whole.substr(0, whole.size() - kCut) + whole.substr(whole.size() - 2);
+  add_info("/camera/camera_info");
+  for (std::size_t i = 0; i < kPictures; ++i) {
+    written_ = from_ms(50.0 * static_cast<double>(i + 1)).count();
+    add_compressed("/camera/image_raw/compressed", "jpeg", i == kDamaged ? damaged : whole);
+  }
+  Sequence sequence = read();
+  EXPECT_THAT(images_from(file_)->describe(),
+              AllOf(HasSubstr("39 images"), HasSubstr("1 left out")));
+  const auto bad = leave_out_bad_pictures(sequence);
+  EXPECT_TRUE(sequence.image(kDamaged, 0).empty());
+  EXPECT_FALSE(sequence.image(kDamaged + 1, 0).empty());
+  EXPECT_THAT(bad->warnings(), ElementsAre(AllOf(HasSubstr("message 8"), HasSubstr("decode"))));
 }
 
 /// Poses of several topics beside pictures.

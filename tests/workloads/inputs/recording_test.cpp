@@ -8,6 +8,8 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <memory>
+#include <string>
 
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
@@ -42,6 +44,12 @@ SceneOptions small_scene(bool stereo = true) {
 class Recorded : public testing::TestWithParam<const char*> {
  protected:
   [[nodiscard]] fs::path file() const { return scratch_.path() / ("r" + std::string(GetParam())); }
+  [[nodiscard]] std::unique_ptr<RecordingWriter> writer() const {
+    const std::string format = GetParam();
+    return format == ".bag"   ? make_bag(file())
+           : format == ".db3" ? make_db3(file())
+                              : make_mcap(file());
+  }
   const test::ScratchFolder scratch_;
 };
 
@@ -136,20 +144,16 @@ TEST_P(Recorded, APauseChangesNoRate) {
 }
 
 TEST_P(Recorded, OfAClockThatBeginsAnewTheLongestRunIsRead) {
-  const std::string format = GetParam();
-  const auto writer = format == ".bag"   ? make_bag(file())
-                      : format == ".db3" ? make_db3(file())
-                                         : make_mcap(file());
+  const auto out = writer();
   const auto write = [&](const char* topic, double time_ms) {
-    writer->write(topic, ImuMessage::kType, from_ms(time_ms),
-                  written(ImuMessage{}, writer->format()));
+    out->write(topic, ImuMessage::kType, from_ms(time_ms), written(ImuMessage{}, out->format()));
   };
   write("/tf_static", 10);
   for (const int run : {1, 2}) {
     write("/slow", 10.0 * run);
     for (int i = 1; i <= 60 * run; ++i) write("/fast", 50.0 * i);
   }
-  writer->publish();
+  out->publish();
   const auto recording = open_recording(file());
   const auto messages = [&](const char* topic) {
     return recording->topics()[recording->topic(topic)].messages;
@@ -160,6 +164,37 @@ TEST_P(Recorded, OfAClockThatBeginsAnewTheLongestRunIsRead) {
   EXPECT_EQ(messages("/tf_static"), 1U) << "which is said once";
   EXPECT_THAT(recording->warnings(),
               ElementsAre(AllOf(HasSubstr("begins anew"), HasSubstr("61 messages"))));
+}
+
+TEST_P(Recorded, OfARecordersClockThatIsSetBackAllIsRead) {
+  for (const bool sensors_too : {false, true}) {
+    fs::remove(file());
+    const auto out = writer();
+    for (int i = 1; i <= 200; ++i) {
+      const Nanos time = from_ms(10'000 + 10.0 * i);
+      const Nanos recorded = i <= 100 ? time : time - from_s(2);
+      const ImuMessage imu{.head = {sensors_too ? recorded : time, "imu"}};
+      for (const char* topic : {"/imu", "/other"}) {
+        if (i % 3 == 0 || std::string(topic) == "/imu") {
+          out->write(topic, ImuMessage::kType, recorded, written(imu, out->format()));
+        }
+      }
+    }
+    out->publish();
+    const auto recording = open_recording(file());
+    const std::size_t imu = recording->topic("/imu"), other = recording->topic("/other");
+    EXPECT_EQ(recording->topics()[imu].messages, sensors_too ? 100U : 200U);
+    EXPECT_EQ(recording->topics()[other].messages, sensors_too ? 33U : 66U);
+    EXPECT_THAT(
+        recording->warnings(),
+        ElementsAre(sensors_too ? HasSubstr("begins anew")
+                                : HasSubstr("set back by 2.0 s after 100 messages of /imu")));
+    if (sensors_too) continue;
+    for (std::size_t i = 0; i < 200; ++i) {
+      EXPECT_EQ(recording->time(imu, i), from_ms(10'010 + 10.0 * static_cast<double>(i)));
+      EXPECT_FALSE(recording->message(imu, i).empty());
+    }
+  }
 }
 
 TEST_P(Recorded, GivesPicturesToMeasureWith) {

@@ -17,6 +17,7 @@
 #include "tests/workloads/inputs/sequence_support.h"
 #include "workloads/base/text/text.h"
 #include "workloads/inputs/pictures/decoder.h"
+#include "workloads/inputs/sequence/recorded.h"
 #include "workloads/inputs/sequence/trajectory.h"
 #include "workloads/vision/vision.h"
 
@@ -221,6 +222,58 @@ TEST_F(SpoiledEuroc, ACalibrationIsOfTheCameraOfItsName) {
       good.cameras[1].body_from_camera.position, 1e-9));
 }
 
+// An IMU that is turned on the body: what cameras see of its accelerations is the same.
+TEST_F(SpoiledEuroc, AllCalibrationsHaveTheBodyThatTheSamplesHave) {
+  const Sequence good = read_sequence(folder_);
+  const fs::path bag = scratch_.path() / "a.bag", chain = folder_ / "chain.yaml";
+  ASSERT_TRUE(write_recording(good, bag));
+  put(chain, chain_of("cam0", good.cameras[0]) + chain_of("cam1", good.cameras[1]));
+  const Pose turn{rotation_of({0.3, -0.2, 0.5}), Eigen::Vector3d::Zero()};
+  const auto place = [&](const char* sensor, const Pose& pose) {
+    const Pose turned = turn * pose;
+    std::string rows;
+    for (int r = 0; r < 3; ++r) {
+      rows += fmt::format("{}, {}, {}, {}, ", turned.rotation(r, 0), turned.rotation(r, 1),
+                          turned.rotation(r, 2), turned.position(r));
+    }
+    const fs::path file = folder_ / "mav0" / sensor / "sensor.yaml";
+    std::string text = text_of(file);
+    const auto begin = text.find("data: [") + 7;
+    put(file, text.replace(begin, text.find(']') - begin, rows + "0, 0, 0, 1"));
+  };
+  place("imu0", {});
+  place("cam0", good.cameras[0].body_from_camera);
+  place("cam1", good.cameras[1].body_from_camera);
+  const auto seen = [](const Sequence& sequence) {
+    const Eigen::Matrix3d& rotation = sequence.cameras[0].body_from_camera.rotation;
+    return Eigen::Vector3d(rotation.transpose() * sequence.imu[9].accel_m_s2);
+  };
+  const auto camera_at = [](const Sequence& sequence) {
+    return sequence.truth[9].body * sequence.cameras[0].body_from_camera;
+  };
+  const Pose expected = camera_at(read_sequence(folder_));
+  for (const fs::path& calibration : {fs::path(), chain, folder_}) {
+    const Sequence read = read_sequence(folder_, {.calibration = calibration});
+    EXPECT_TRUE(seen(read).isApprox(seen(good), 1e-9)) << calibration;
+    EXPECT_TRUE(camera_at(read).rotation.isApprox(expected.rotation, 1e-9)) << calibration;
+  }
+  EXPECT_TRUE(seen(read_sequence(bag, {.calibration = folder_})).isApprox(seen(good), 1e-9));
+}
+
+TEST_F(SpoiledEuroc, TruthThatIsNoneCostsAWarning) {
+  put(folder_ / "mav0/state_groundtruth_estimate0/data.csv",
+      "version https://git-lfs.github.com/spec/v1\noid sha256:0\n");
+  const Sequence read = read_sequence(folder_);
+  EXPECT_TRUE(read.truth.empty());
+  EXPECT_THAT(read.warnings, testing::Contains(testing::AllOf(
+                                 HasSubstr("state_groundtruth_estimate0 is not taken for truth"),
+                                 HasSubstr("Git LFS"))));
+  put(folder_ / "truth.txt", "1.5 0 0 0 0 0 0 1\n2.5 0 0 0 0 0 0 1\n");
+  const Sequence given = read_sequence(folder_, {.truth = folder_ / "truth.txt"});
+  EXPECT_EQ(given.truth.size(), 2U);
+  EXPECT_THAT(given.warnings, testing::Not(testing::Contains(HasSubstr("Git LFS"))));
+}
+
 TEST_F(SpoiledEuroc, SaysThatNobodyKnowsWhatTheTruthIsOf) {
   const std::string chain = chain_of("cam0", read_sequence(folder_).cameras[0]);
   put(folder_ / "chain.yaml", chain.substr(0, chain.find("  T_cam_imu")));
@@ -365,7 +418,8 @@ TEST_F(SpoiledEuroc, ColumnsAreFoundByTheirNames) {
   std::size_t cut = 0;  // behind its eighth cell
   for (int cells = 0; cells < 8; ++cells) cut = whole.find(',', cut + 1);
   edit(truth, whole, whole.substr(0, cut));
-  EXPECT_THAT(problem(), HasSubstr("has 8 columns, expected 17"));
+  EXPECT_THAT(read_sequence(folder_).warnings,
+              testing::Contains(HasSubstr("has 8 columns, expected 17")));
   edit(truth, whole.substr(0, cut) + "\n", whole + "\n");
   const std::string named = row("imu0/data.csv", 0);
   edit("imu0/data.csv", named, "when,acc_x,acc_y,acc_z,gyro_z,gyro_y,gyro_x");
@@ -378,6 +432,8 @@ TEST_F(SpoiledEuroc, ColumnsAreFoundByTheirNames) {
                                         HasSubstr("give rad/s")));
   edit("imu0/data.csv", "[deg s^-1]", "(deg/s)");
   EXPECT_THAT(problem(), HasSubstr("is in deg/s"));
+  edit("imu0/data.csv", "(deg/s)", "[dps]");
+  EXPECT_THAT(problem(), HasSubstr("is in dps"));
   edit("imu0/data.csv", "w_RS_S_x", "turn");
   EXPECT_THAT(problem(), testing::AllOf(HasSubstr("imu0/data.csv:1"), HasSubstr("the heading has"),
                                         HasSubstr("name all")));
@@ -473,160 +529,6 @@ TEST(WriteEuroc, LeavesAFolderThatIsNotEmptyAlone) {
       bad_input([&] { write_euroc(generate_sequence(test::scene(1, 1.0)), scratch.path(), 1); }),
       HasSubstr("not empty"));
   EXPECT_EQ(text_of(scratch.path() / "mine"), "text");
-}
-
-TEST(Kitti, ReadsTheRealDrive) {
-  PIRT_DATA_OR_SKIP(data, "kitti-odometry-urban");
-  const Sequence sequence = read_sequence(data);
-  ASSERT_EQ(sequence.frames.size(), 51U);
-  ASSERT_EQ(sequence.cameras.size(), 1U);
-  EXPECT_EQ(sequence.cameras[0].width, 1226);
-  EXPECT_DOUBLE_EQ(sequence.cameras[0].fx, 707.0912);
-  EXPECT_EQ(sequence.frames[50].time, from_s(5.0));
-  EXPECT_THAT(sequence.warnings, testing::ElementsAre(HasSubstr("0.1 s")));
-  EXPECT_EQ(sequence.image(0, 0).height, 370);
-  double path_m = 0;
-  for (std::size_t i = 1; i < 51; ++i) {
-    path_m += (sequence.truth[i].body.position - sequence.truth[i - 1].body.position).norm();
-  }
-  EXPECT_NEAR(path_m, 59.9, 0.1);  // as its README says
-}
-
-/// A drive in KITTI's layout, of pictures that are called by these numbers.
-class MadeKitti : public testing::Test {
- protected:
-  void add(const std::string& folder, const std::vector<std::string>& names) {
-    fs::create_directories(scratch_.path() / folder);
-    for (const auto& name : names) {
-      GreyImage image{16, 16,
-                      std::vector<std::uint8_t>(256, static_cast<std::uint8_t>(std::stoi(name)))};
-      put(scratch_.path() / folder / (name + ".png"),
-          encode_png(cv::Mat(16, 16, CV_8U, image.pixels.data())));
-    }
-  }
-  void calibrate(const std::string& first, const std::string& second) {
-    const std::string numbers = " 20 0 8 0 0 20 8 0 0 0 1 0\n";
-    put(scratch_.path() / "calib.txt", first + numbers + second + " 20 0 8 -4 0 20 8 0 0 0 1 0\n");
-  }
-  void SetUp() override { calibrate("P0:", "P1:"); }
-  [[nodiscard]] Sequence read() const { return read_kitti(scratch_.path()); }
-
-  const test::ScratchFolder scratch_;
-};
-
-TEST_F(MadeKitti, OrdersAndPairsPicturesByTheirNumbers) {
-  add("image_0", {"1", "2", "9", "10"});
-  add("image_1", {"1", "9", "10", "11"});
-  put(scratch_.path() / "times.txt", "0\n0.1\n0.2\n0.3\n0.4\n0.5\n0.6\n0.7\n0.8\n0.9\n1.0\n");
-  const Sequence sequence = read();
-  ASSERT_EQ(sequence.frames.size(), 4U);
-  for (const auto& [frame, number] : {std::pair{0, 1}, {1, 2}, {2, 9}, {3, 10}}) {
-    const auto i = static_cast<std::size_t>(frame);
-    EXPECT_EQ(sequence.frames[i].time, from_s(0.1 * number));
-    EXPECT_EQ(sequence.image(i, 0).pixels[0], number);
-    EXPECT_EQ(sequence.frames[i].present[1], number != 2);
-    if (number == 2) continue;
-    EXPECT_EQ(sequence.image(i, 1).pixels[0], number);
-  }
-  add("image_0", {"09"});
-  EXPECT_THAT(bad_input([this] { static_cast<void>(read()); }), HasSubstr("the same number"));
-}
-
-TEST_F(MadeKitti, TakesProjectionsByTheirLabels) {
-  add("image_0", {"1"});
-  add("image_1", {"1"});
-  calibrate("P1:", "P0:");
-  EXPECT_NEAR(read().cameras[0].body_from_camera.position.x(), 0.2, 1e-12);
-  calibrate("P0:\t", "P1:\t");
-  EXPECT_NEAR(read().cameras[1].body_from_camera.position.x(), 0.2, 1e-12);
-  calibrate("P2:", "P1:");
-  EXPECT_THAT(bad_input([this] { static_cast<void>(read()); }), HasSubstr("has no P0"));
-}
-
-TEST_F(MadeKitti, OfOneCameraTheOtherIsNotRead) {
-  add("image_0", {"1"});
-  add("image_1", {"1"});
-  put(scratch_.path() / "calib.txt", "P0: 20 0 8 0 0 20 8 0 0 0 1 0\n");
-  EXPECT_THAT(bad_input([this] { static_cast<void>(read()); }), HasSubstr("has no P1"));
-  EXPECT_EQ(read_sequence(scratch_.path(), {.second_camera = false}).cameras.size(), 1U);
-}
-
-TEST_F(MadeKitti, TakesNoCameraForTheRightOneThatSitsElsewhere) {
-  add("image_0", {"1", "2", "3"});
-  add("image_1", {"1", "2", "3"});
-  for (const char* fourth : {"4", "0"}) {
-    put(scratch_.path() / "calib.txt",
-        std::string("P0: 20 0 8 0 0 20 8 0 0 0 1 0\nP1: 20 0 8 ") + fourth + " 0 20 8 0 0 0 1 0\n");
-    const Sequence sequence = read();
-    EXPECT_EQ(sequence.cameras.size(), 1U);
-    EXPECT_EQ(sequence.frames[0].present.size(), 1U);
-    EXPECT_THAT(sequence.warnings, testing::Contains(HasSubstr("P1 does not put camera 1")));
-  }
-}
-
-TEST_F(MadeKitti, RefusesNamesWhoseOrderIsNotCertain) {
-  for (const auto& names : {std::vector<std::string>{"15.763", "16.013"}, {"15.9", "15.10"}}) {
-    const fs::path folder = scratch_.path() / "image_0";
-    fs::remove_all(folder);
-    add("image_0", names);
-    EXPECT_THAT(bad_input([this] { static_cast<void>(read()); }),
-                HasSubstr("nobody knows their order"));
-  }
-}
-
-TEST_F(MadeKitti, ACutFirstPictureCostsOneFrame) {
-  add("image_0", {"1", "2", "3"});
-  put(scratch_.path() / "image_0/1.png", "no picture");
-  EXPECT_EQ(read().cameras[0].width, 16);
-}
-
-TEST_F(MadeKitti, IsReadBesideARecordingOfIt) {
-  add("image_0", {"1", "2", "3"});
-  put(scratch_.path() / "flight.mcap", "not even one");
-  const Sequence sequence = read_sequence(scratch_.path());
-  EXPECT_EQ(sequence.frames.size(), 3U);
-  EXPECT_THAT(sequence.warnings, testing::Contains(HasSubstr("is not read")));
-}
-
-TEST_F(MadeKitti, TakesNoOtherCalibration) {
-  add("image_0", {"1", "2", "3"});
-  EXPECT_THAT(bad_input([this] {
-                const fs::path file = scratch_.path() / "calib.txt";
-                static_cast<void>(read_sequence(scratch_.path(), {.calibration = file}));
-              }),
-              HasSubstr("has its calibration in calib.txt"));
-}
-
-TEST_F(MadeKitti, ACameraWithoutPairsIsNoCamera) {
-  add("image_0", {"1", "2"});
-  add("image_1", {"3", "4"});
-  const Sequence sequence = read();
-  EXPECT_EQ(sequence.cameras.size(), 1U);
-  EXPECT_THAT(sequence.warnings, testing::Contains(HasSubstr("image_1 is not used")));
-}
-
-TEST(Kitti, RefusesPosesThatAreTooFew) {
-  const test::ScratchFolder scratch;
-  fs::create_directories(scratch.path() / "image_0");
-  const fs::path small = scratch.path() / "small";
-  test::write_small_sequence(small);
-  int i = 0;
-  for (const auto& entry : fs::directory_iterator(small / "mav0/cam0/data")) {
-    fs::copy(entry.path(), scratch.path() / "image_0" / (std::to_string(i++) + ".png"));
-  }
-  put(scratch.path() / "calib.txt", "P0: 700 0 80 0 0 700 60 0 0 0 1 0\n");
-  EXPECT_EQ(read_kitti(scratch.path()).frames.size(), 10U);
-  put(scratch.path() / "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n");
-  EXPECT_THAT(bad_input([&] { static_cast<void>(read_kitti(scratch.path())); }),
-              HasSubstr("1 poses for 10 pictures"));
-  std::string mirrored;
-  for (int k = 0; k < 10; ++k) mirrored += "-1 0 0 0 0 1 0 0 0 0 1 0\n";
-  put(scratch.path() / "poses.txt", mirrored);
-  EXPECT_THAT(bad_input([&] { static_cast<void>(read_kitti(scratch.path())); }),
-              HasSubstr("no rotation"));
-  put(scratch.path() / "calib.txt", "P0: 700 0 80 0 0 700 60 0 0 0 1\n");
-  EXPECT_THAT(bad_input([&] { static_cast<void>(read_kitti(scratch.path())); }),
-              HasSubstr("calib.txt:1"));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <functional>
 #include <numbers>
 #include <opencv2/calib3d.hpp>
 
@@ -84,6 +85,18 @@ TEST(Stamps, ArePlayedWithoutTheirPauses) {
   EXPECT_THAT(playing_times({}), IsEmpty());
   EXPECT_EQ(usual_rate_hz(ms({0, 50, 100, 86'400'000}), 1), 20);
   EXPECT_EQ(usual_rate_hz(ms({5}), 1), 1);
+}
+
+TEST(Stamps, OfBurstsHaveTheRateOfTheirSamples) {
+  for (const int burst : {1, 2, 3, 4}) {
+    std::vector<double> times;
+    for (int i = 0; i < 400; ++i) {
+      const int whole = i / burst;
+      const double pause_ms = i < 200 ? 0 : 600'000;
+      times.push_back(5.0 * burst * whole + 0.1 * (i % burst) + pause_ms);
+    }
+    EXPECT_NEAR(usual_rate_hz(ms(times), 1), 200, 4) << burst;
+  }
 }
 
 TEST(Stamps, ArePairedByTimeAndNotByPosition) {
@@ -286,6 +299,17 @@ TEST_F(GivenCalibration, IsOfTheTopicThatItNames) {
   EXPECT_THAT(warnings_, ElementsAre(HasSubstr("of /left/image_raw is taken for /e")));
 }
 
+TEST_F(GivenCalibration, OfAFolderIsOfTheCameraOfItsName) {
+  test::write_small_sequence(file_);
+  const Sequence folder = read_sequence(file_);
+  const auto right = of("/cam1/image_raw", 0);
+  EXPECT_TRUE(right.given->body_from_camera->position.isApprox(
+      folder.cameras[1].body_from_camera.position, 1e-12));
+  EXPECT_THAT(warnings_, IsEmpty());
+  static_cast<void>(of("/left", 0));
+  EXPECT_THAT(warnings_, ElementsAre(HasSubstr("of /cam0/image_raw is taken for /left")));
+}
+
 TEST_F(GivenCalibration, OfRosTurnsRectifiedPictures) {
   const Eigen::Matrix3d r = rotation_of({0, 0.05, 0});
   put(file_,
@@ -341,6 +365,40 @@ TEST(Imu, AFewSamplesThatNoSensorMeasuresAreLeftOut) {
   for (int i = 0; i < 10; ++i) imu[static_cast<std::size_t>(30 * i)].accel_m_s2.x() = 1e6;
   EXPECT_THAT(bad_input([&] { check_imu("/imu", imu, warnings); }),
               HasSubstr("more than accelerometers measure"));
+}
+
+/// Of 160 frames, of which those that are called bad cannot be read.
+Sequence with_bad_frames(std::size_t cameras, const std::function<bool(std::size_t)>& is_bad) {
+  Sequence sequence;
+  sequence.cameras.resize(cameras);
+  sequence.frames.assign(160, Frame{Nanos(0), std::vector<bool>(cameras, true)});
+  sequence.image = [is_bad](std::size_t frame, std::size_t) {
+    if (is_bad(frame)) throw_bad_input("it is cut");
+    return GreyImage{1, 1, {static_cast<std::uint8_t>(frame)}};
+  };
+  return sequence;
+}
+
+TEST(BadPictures, OfTheBeginningAreLeftOutAsOthersAre) {
+  Sequence three = with_bad_frames(1, [](std::size_t frame) { return frame < 3; });
+  const auto bad = leave_out_bad_pictures(three);
+  for (std::size_t i = 0; i < 160; ++i) static_cast<void>(three.image(i, 0));
+  EXPECT_EQ(bad->warnings().size(), 3U);
+  EXPECT_FALSE(bad->are_too_many());
+  Sequence nine = with_bad_frames(1, [](std::size_t frame) { return frame < 9; });
+  EXPECT_EQ(bad_input([&] { static_cast<void>(leave_out_bad_pictures(nine)); }), "it is cut");
+}
+
+TEST(BadPictures, OfAPairAreAPartOfAllPictures) {
+  for (const auto& [count, too_many] : {std::pair<std::size_t, bool>(5, false), {17, true}}) {
+    Sequence pairs = with_bad_frames(
+        2, [end = 100 + count](std::size_t frame) { return 100 <= frame && frame < end; });
+    const auto bad = leave_out_bad_pictures(pairs);
+    for (std::size_t i = 0; i < 160; ++i) {
+      for (std::size_t camera = 0; camera < 2; ++camera) static_cast<void>(pairs.image(i, camera));
+    }
+    EXPECT_EQ(bad->are_too_many(), too_many) << count;
+  }
 }
 
 TEST(BadPictures, TellThatTheCameraHung) {

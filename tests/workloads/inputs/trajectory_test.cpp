@@ -127,6 +127,9 @@ TEST(Trajectory, AHeadingSaysWhereTheQuaternionHasItsRealPart) {
   EXPECT_NEAR(read("# timestamp tx ty tz qx qy qz qw").x(), 0.6, 1e-12);
   EXPECT_NEAR(read("# estimated trajectory").x(), 0.6, 1e-12);
   EXPECT_NEAR(read("# timestamp tx ty tz qw qx qy qz").w(), 0.6, 1e-12);
+  EXPECT_NEAR(read("# timestamp [s] tx [m] ty [m] tz [m] qw [] qx [] qy [] qz []").w(), 0.6, 1e-12);
+  EXPECT_THAT(bad_input([&] { read("# timestamp (in s) tx [mm] ty [mm] tz [mm] qx qy qz qw"); }),
+              HasSubstr("column 2 is in mm"));
 }
 
 TEST(Trajectory, TruthIsNotMadeUpAcrossGaps) {

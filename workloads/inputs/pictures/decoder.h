@@ -11,20 +11,18 @@
 namespace pirt {
 
 struct DecodedPicture {
-  cv::Mat pixels;  ///< B, G, R, 8 bits; empty if it does not decode.
-  /// What the codecs wrote to the standard error stream: libjpeg and libpng warn there and nowhere
-  /// else.
-  std::string warnings;
+  cv::Mat pixels;     ///< B, G, R, 8 bits; empty if it does not decode, or a JPEG is damaged.
   std::string error;  ///< What OpenCV threw; empty = nothing.
 };
 
-/// Palettes, grey, 16 bits, alpha (dropped) and the EXIF orientation are OpenCV's work. The
-/// process's other threads must be quiet meanwhile, as they are before measuring.
+/// Palettes, grey, 16 bits, alpha (dropped) and the EXIF orientation are OpenCV's work. What the
+/// codecs write to the standard error stream is dropped: the process's other threads must be quiet
+/// meanwhile, as they are before measuring.
 /// @throws Error{kEnvironment} if the module is not there.
 [[nodiscard]] DecodedPicture decode_picture(const std::string& bytes);
 
-/// As it is, without conversion to colour or 8 bits; empty if it does not decode. Any number of
-/// threads may call it at once: warnings of the codecs are not taken.
+/// As it is, without conversion to colour or 8 bits; empty if it does not decode, or a JPEG is
+/// damaged. Any number of threads may call it at once.
 [[nodiscard]] cv::Mat decode_unchanged(const std::string& bytes);
 
 /// Of grey pixels of 16 bits the upper 8.

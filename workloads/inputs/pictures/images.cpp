@@ -49,14 +49,6 @@ cv::Mat decode(const fs::path& file, const std::string& bytes) {
   if (!check.header) throw_unusable(file, check.problem);
   DecodedPicture decoded = decode_picture(bytes);
   if (!decoded.error.empty()) throw_unusable(file, "it does not decode: " + decoded.error);
-  const std::string& warnings = decoded.warnings;
-  // libjpeg's words for damage that it has painted over (jerror.h); its other warnings are
-  // harmless.
-  for (const std::string_view damage : {"Corrupt JPEG data", "Premature end of"}) {
-    if (warnings.find(damage) != std::string::npos) {
-      throw_unusable(file, "it is corrupt: " + warnings.substr(0, warnings.find('\n')));
-    }
-  }
   if (decoded.pixels.empty()) {
     throw_unusable(file, "it is corrupt: its pixels do not decode");
   }

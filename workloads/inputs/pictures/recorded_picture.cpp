@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <iterator>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
@@ -10,6 +11,7 @@
 #include "workloads/base/text/printable.h"
 #include "workloads/inputs/pictures/decoder.h"
 #include "workloads/inputs/pictures/image_format.h"
+#include "workloads/inputs/recording/first_message.h"
 
 namespace pirt {
 namespace {
@@ -124,19 +126,37 @@ std::string no_picture(const ImageMessage& message) {
   return is_known ? "" : named;
 }
 
+std::vector<std::size_t> picture_topics(const Recording& recording) {
+  std::vector<std::size_t> found;
+  for (const auto type : {ImageMessage::kType, ImageMessage::kCompressedType}) {
+    std::ranges::copy(recording.of_type(type), std::back_inserter(found));
+  }
+  std::ranges::sort(found);
+  return found;
+}
+
+std::string no_pictures(const Recording& recording, std::size_t topic) {
+  const bool is_compressed = recording.topics()[topic].type == ImageMessage::kCompressedType;
+  try {
+    return first_message(recording, topic, [is_compressed](WireReader& in) {
+      return no_picture(read_image(in, is_compressed));
+    });
+  } catch (const Error& error) {
+    if (error.code() != ErrorCode::kBadInput) throw;
+    return std::string("cannot be read: ") + error.what();
+  }
+}
+
 std::size_t picture_topic(const Recording& recording, const std::string& name) {
+  // Where there is none of that name, that is said.
+  if (!name.empty()) static_cast<void>(recording.topic(name));
   std::string why_not;
-  const auto types = {ImageMessage::kType, ImageMessage::kCompressedType};
-  const std::size_t named = name.empty() ? 0 : recording.topic(name, types);
-  for (std::size_t i = named; i < (name.empty() ? recording.topics().size() : named + 1); ++i) {
-    const Topic& topic = recording.topics()[i];
-    const bool is_compressed = topic.type == ImageMessage::kCompressedType;
-    if ((topic.type != ImageMessage::kType && !is_compressed) || topic.messages == 0) continue;
-    const std::string bytes = recording.message(i, 0);
-    auto in = recording.reader(i, 0, bytes);
-    const std::string problem = no_picture(read_image(in, is_compressed));
-    if (problem.empty()) return i;
-    why_not += "; " + topic.name + " " + problem;
+  for (const std::size_t each : picture_topics(recording)) {
+    const std::string& topic = recording.topics()[each].name;
+    if (!name.empty() && topic != name) continue;
+    const std::string problem = no_pictures(recording, each);
+    if (problem.empty()) return each;
+    why_not += "; " + topic + " " + problem;
   }
   throw_bad_input("'" + recording.file() + "' has no pictures" +
                   (name.empty() ? "" : " on " + name) +

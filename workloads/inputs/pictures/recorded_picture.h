@@ -3,6 +3,8 @@
 
 #include <atomic>
 #include <opencv2/core.hpp>
+#include <string>
+#include <vector>
 
 #include "workloads/inputs/recording/messages.h"
 #include "workloads/inputs/recording/recording.h"
@@ -13,6 +15,11 @@ namespace pirt {
 /// Why a message is no picture, though its type says so: depth, a mosaic, 16 bits; empty = it may
 /// be one.
 [[nodiscard]] std::string no_picture(const ImageMessage& message);
+
+/// Positions of the topics of pictures' types that have messages which can be read.
+[[nodiscard]] std::vector<std::size_t> picture_topics(const Recording& recording);
+/// Why the first message of such a topic that is one is no picture; empty = it may be one.
+[[nodiscard]] std::string no_pictures(const Recording& recording, std::size_t topic);
 
 /// Position of the topic of that name, or, where that is empty, of the first with pictures, by
 /// name.

@@ -58,7 +58,10 @@ class Bag final : public Recording {
       return unpack(chunk.compression, bytes_.pieces(chunk.data_at, chunk.packed), chunk.size,
                     file_);
     });
-    const Record record = parse_record(*content, place.part);
+    const Record record =
+        record_at(place.part, content->size(), [&](std::uint64_t from, std::uint64_t count) {
+          return from > content->size() ? std::string() : content->substr(from, count);
+        });
     check_message(record);
     return content->substr(record.data_at, std::min<std::uint64_t>(record.data_size, most));
   }
@@ -89,28 +92,23 @@ class Bag final : public Recording {
     return fields;
   }
 
-  [[nodiscard]] Record read_record(std::uint64_t at) const {
-    const std::uint32_t head_size = number(bytes_.read(at, 4), 0);
+  /// @param read  As RandomFile's, of @p size bytes.
+  template <typename Read>
+  [[nodiscard]] Record record_at(std::uint64_t at, std::uint64_t size, const Read& read) const {
+    const std::uint32_t head_size = number(read(at, 4), 0);
     if (head_size > kMostChunkBytes) fail("is damaged: a record has no end");
-    const std::string head = bytes_.read(at + 4, head_size + 4U);
+    const std::string head = read(at + 4, head_size + 4U);
     Record record;
     record.head = fields_of(head.substr(0, head_size));
     record.data_at = at + 8 + head_size;
     record.data_size = number(head, head_size);
-    if (record.data_size > bytes_.size() - record.data_at) fail(kCut);
+    if (record.data_size > size - record.data_at) fail(kCut);
     return record;
   }
-
-  /// The same within what a chunk held.
-  [[nodiscard]] Record parse_record(const std::string& content, std::size_t at) const {
-    const std::uint32_t head_size = number(content, at);
-    if (head_size > content.size()) fail("is damaged: a record has no end");
-    Record record;
-    record.head = fields_of(content.substr(at + 4, head_size));
-    record.data_at = at + 8 + head_size;
-    record.data_size = number(content, at + 4 + head_size);
-    if (record.end() > content.size()) fail("is damaged: a message is longer than its chunk");
-    return record;
+  [[nodiscard]] Record read_record(std::uint64_t at) const {
+    return record_at(at, bytes_.size(), [this](std::uint64_t from, std::uint64_t count) {
+      return bytes_.read(from, count);
+    });
   }
 
   [[nodiscard]] const std::string& at(const Fields& fields, std::string_view name,

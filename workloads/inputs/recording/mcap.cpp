@@ -73,15 +73,15 @@ class Mcap final : public Recording {
     if (bytes_.size() < magic.size() || bytes_.read(0, magic.size()) != magic) {
       fail("is no MCAP recording, version 0: its magic number is another one");
     }
-    const bool is_whole = read_footer();
-    const bool is_indexed = is_whole && bytes_.size() > checked_bytes && read_index();
+    is_whole_ = read_footer();
+    const bool is_indexed = is_whole_ && bytes_.size() > checked_bytes && read_index();
     if (!is_indexed) {
       attachments_ = metadata_ = 0;
       topics_.clear();
       chunks_.clear();
       schemas_.clear();
       channels_.clear();
-      read_all(is_whole);
+      read_all();
     }
     finish();
   }
@@ -278,7 +278,7 @@ class Mcap final : public Recording {
   void place(const Message& message, std::uint64_t chunk, std::uint64_t offset, std::uint64_t at) {
     const auto channel = channels_.find(message.channel);
     if (channel == channels_.end()) {
-      if (warnings_.empty()) fail_at(at, "a message is of no channel");
+      if (is_whole_ && warnings_.empty()) fail_at(at, "a message is of no channel");
       ++undescribed_;  // by a chunk that is damaged
       return;
     }
@@ -286,7 +286,7 @@ class Mcap final : public Recording {
   }
 
   /// Record by record. What of a file that was cut off is whole is read, and said.
-  void read_all(bool is_whole) {
+  void read_all() {
     for (const auto& [op, content] : summary_records()) {
       if (op == Op::kSchema || op == Op::kChannel) static_cast<void>(describe(op, content, 0));
     }
@@ -296,10 +296,10 @@ class Mcap final : public Recording {
       const std::string head = bytes_.read(at, kRecordHead);
       const auto op = static_cast<Op>(head[0]);
       const auto size = Fields(std::string_view(head).substr(1)).u64();
-      if (head[0] == 0) fail_at(at, "a record is of no kind");
-      if (size > bytes_.size() - at - kRecordHead) {
-        if (is_whole) fail_at(at, "a record is longer than the file");
-        break;
+      const bool is_none = head[0] == 0;  // as what was not written before power was lost
+      if (is_none || size > bytes_.size() - at - kRecordHead) {
+        if (!is_whole_) break;
+        fail_at(at, is_none ? "a record is of no kind" : "a record is longer than the file");
       }
       if (op == Op::kFooter) break;
       read_record(op, at + kRecordHead, size);
@@ -311,8 +311,8 @@ class Mcap final : public Recording {
           "'{}': {} messages are left out: what their topic is was in a chunk that is damaged",
           file_, undescribed_));
     }
-    if (has_ended && is_whole) return;
-    if (is_whole) fail_at(at, "the end of its data is missing");
+    if (has_ended && is_whole_) return;
+    if (is_whole_) fail_at(at, "the end of its data is missing");
     std::uint64_t messages = 0;
     for (const Topic& topic : topics_) messages += topic.places.size();
     warnings_.push_back(fmt::format(
@@ -370,7 +370,11 @@ class Mcap final : public Recording {
       const auto rest = content.substr(offset);
       const auto inner = rest.size() < kRecordHead ? 0 : Fields(rest.substr(1)).u64();
       if (rest.size() < kRecordHead || inner > rest.size() - kRecordHead) {
-        fail_at(at, "a chunk ends within a record");
+        if (is_whole_) fail_at(at, "a chunk ends within a record");
+        warnings_.push_back(fmt::format(
+            "'{}': of a chunk at byte {} what is left of {} bytes is no record, and is left out",
+            file_, at, rest.size()));
+        return;
       }
       const auto op = static_cast<Op>(rest[0]);
       const auto fields = rest.substr(kRecordHead, inner);
@@ -414,7 +418,9 @@ class Mcap final : public Recording {
   [[nodiscard]] std::string load(const Place& place, std::uint64_t most) const override {
     const auto data_of = [&](std::string_view content, std::uint64_t at) {
       const auto message = message_of(content, at);
-      if (message.time != place.time) fail_at(at, "its index leads to another message");
+      if (message.time != place.time && !was_set_back_) {
+        fail_at(at, "its index leads to another message");
+      }
       return std::string(message.data.substr(0, most));
     };
     const bool is_alone = place.at == kNoChunk;
@@ -440,6 +446,7 @@ class Mcap final : public Recording {
   static constexpr std::uint64_t kMostChunkHead = 256;
 
   RandomFile bytes_;
+  bool is_whole_ = false;  ///< It has its end.
   std::string summary_;
   std::map<std::uint16_t, Schema> schemas_;
   std::map<std::uint16_t, std::size_t> channels_;  ///< Positions of topics.

@@ -136,6 +136,7 @@ ImageMessage read_image(WireReader& in, bool compressed) {
     message.step = in.u32();
   }
   message.data = in.bytes();
+  if (message.data.empty()) in.fail("has no pixels");
   if (!compressed &&
       message.data.size() < message.step * static_cast<std::size_t>(message.height)) {
     in.fail("has fewer pixels than it says");

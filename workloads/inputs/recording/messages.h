@@ -63,6 +63,8 @@ struct PoseMessage {
 /// A tf2_msgs/TFMessage is a list of these.
 struct TransformMessage {
   static constexpr std::string_view kType = "tf2_msgs/TFMessage";
+  /// Before tf2; the same bytes.
+  static constexpr std::string_view kOldType = "tf/tfMessage";
   MessageHead head;  ///< Its frame is the parent.
   std::string child;
   Pose parent_from_child;

@@ -11,7 +11,6 @@
 #include "workloads/base/text/text.h"
 #include "workloads/base/text/yaml.h"
 #include "workloads/inputs/recording/compression.h"
-#include "workloads/inputs/recording/restarts.h"
 
 namespace pirt {
 namespace {
@@ -61,9 +60,9 @@ std::vector<fs::path> parts_of(const fs::path& folder) {
     const fs::path others[] = {named, named.string() + ".zstd",
                                named.extension() == ".zstd" ? folder / named.stem() : named};
     const auto* const found = std::ranges::find_if(
-        others, [&failed](const fs::path& each) { return fs::exists(each, failed); });
+        others, [&failed](const fs::path& each) { return fs::is_regular_file(each, failed); });
     if (found == std::end(others)) {
-      item.fail("the part '" + named.string() + "' is missing; copy the whole folder");
+      item.fail("the part '" + named.string() + "' is missing, or no file; copy the whole folder");
     }
     parts.push_back(*found);
   }
@@ -109,6 +108,8 @@ class Joined final : public Recording {
         }
       }
       std::ranges::copy(parts_.back()->warnings(), std::back_inserter(warnings_));
+      attachments_ += parts_.back()->attachments();
+      metadata_ += parts_.back()->metadata();
     }
     finish();
   }
@@ -142,9 +143,8 @@ bool defines_seq(std::string_view definition, bool otherwise) {
 }
 
 std::string Topic::describe() const {
-  const bool is_known = encoding == "cdr" || encoding == "ros1";
   return fmt::format("{} ({}, {}{})", printable(name), printable(type), messages,
-                     is_known ? "" : ", encoded as '" + printable(encoding) + "'");
+                     is_readable() ? "" : ", encoded as '" + printable(encoding) + "'");
 }
 
 std::string Recording::describe() const {
@@ -172,12 +172,13 @@ std::vector<std::size_t> Recording::of_type(std::string_view type) const {
   std::vector<std::size_t> found;
   for (std::size_t i = 0; i < topics_.size(); ++i) {
     const Topic& topic = topics_[i];
-    const bool is_known = topic.encoding == "cdr" || topic.encoding == "ros1";
     // Of one name with two types the one that has more messages is meant.
     const bool is_other = std::ranges::any_of(topics_, [&](const Topic& other) {
       return other.name == topic.name && other.messages > topic.messages;
     });
-    if (topic.type == type && topic.messages > 0 && is_known && !is_other) found.push_back(i);
+    if (topic.type == type && topic.messages > 0 && topic.is_readable() && !is_other) {
+      found.push_back(i);
+    }
   }
   return found;
 }
@@ -223,47 +224,6 @@ std::size_t Recording::add(Topic topic) {
   }
   topics_.push_back(std::move(topic));
   return topics_.size() - 1;
-}
-
-/// By the topic with the most messages: what lies between two of them, where it begins anew, is of
-/// the run whose time is nearer.
-void Recording::keep_longest_run() {
-  using Place = Topic::Place;
-  const auto clock =
-      std::ranges::max_element(topics_, {}, [](const Topic& topic) { return topic.places.size(); });
-  if (clock == topics_.end()) return;
-  const auto at = [](const Place& place) { return std::pair(place.at, place.part); };
-  // rosbag has the index of a chunk in order of time.
-  if (!std::ranges::is_sorted(clock->places, {}, at)) std::ranges::sort(clock->places, {}, at);
-  if (std::ranges::is_sorted(clock->places, {}, &Place::time)) return;
-  std::vector<Nanos> stamps;
-  for (const Place& place : clock->places) stamps.push_back(place.time);
-  const auto restarts = restarts_of(stamps);
-  if (restarts.empty()) return;
-  const auto [begin, end] = longest_run(restarts, stamps);
-  const auto is_before = [&](const Place& place, const Place& last, const Place& next) {
-    if (at(place) <= at(last)) return true;
-    return at(place) < at(next) && place.time - next.time > last.time - place.time;
-  };
-  const bool is_first = begin == 0;
-  const bool is_last = end == stamps.size();
-  const auto edge = [&](std::size_t i) {
-    return std::pair(clock->places[i - 1], clock->places[i]);
-  };
-  const auto before = is_first ? std::pair<Place, Place>() : edge(begin);
-  const auto after = is_last ? std::pair<Place, Place>() : edge(end);
-  std::size_t left_out = 0;
-  for (Topic& topic : topics_) {
-    if (topic.name.ends_with("tf_static")) continue;  // it is said once, and has no time
-    left_out += std::erase_if(topic.places, [&](const Place& place) {
-      return (!is_first && is_before(place, before.first, before.second)) ||
-             (!is_last && !is_before(place, after.first, after.second));
-    });
-  }
-  warnings_.push_back(fmt::format(
-      "'{}': the clock that it was recorded by begins anew, as that of a simulator that was "
-      "restarted: the longest of {} runs is read, and {} messages of the others are left out",
-      file_, restarts.size() + 1, left_out));
 }
 
 void Recording::finish() {

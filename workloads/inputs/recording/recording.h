@@ -31,10 +31,12 @@ struct Topic {
   /// In order of time. What the numbers mean is the format's; `at`, then `part`, say how messages
   /// lie in the file.
   struct Place {
-    Nanos time{};  ///< Of recording.
+    Nanos time{};  ///< Of recording, without what the recorder's clock was set back by.
     std::uint64_t at = 0, part = 0;
   };
   std::deque<Place> places = {};  ///< Of millions none is copied when it grows.
+  /// By its encoding.
+  [[nodiscard]] bool is_readable() const { return encoding == "cdr" || encoding == "ros1"; }
   /// "/imu (sensor_msgs/Imu, 800)"
   [[nodiscard]] std::string describe() const;
 };
@@ -101,13 +103,14 @@ class Recording {
   /// Position of the one with the same name, type and encoding, added if there is none.
   std::size_t add(Topic topic);
   /// When all places are known: puts everything in order of time. Of a clock that begins anew the
-  /// longest run is kept, and said.
+  /// longest run is kept; where that of the recorder alone was set back, all is. Either is said.
   void finish();
 
   std::string file_;
   std::vector<Topic> topics_;
   std::vector<std::string> warnings_;
   std::size_t attachments_ = 0, metadata_ = 0;
+  bool was_set_back_ = false;  ///< Places have other times than the file.
 
  private:
   void keep_longest_run();

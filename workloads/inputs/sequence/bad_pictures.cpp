@@ -11,6 +11,12 @@
 
 namespace pirt {
 
+BadPictures::BadPictures(const Sequence& sequence) : frames_(sequence.frames.size()) {
+  for (const Frame& frame : sequence.frames) {
+    pictures_ += static_cast<std::size_t>(std::ranges::count(frame.present, true));
+  }
+}
+
 void BadPictures::add(std::size_t frame, std::size_t camera, const std::string& problem) {
   const std::lock_guard lock(mutex_);
   problems_.try_emplace({frame, camera}, problem);
@@ -23,9 +29,13 @@ void BadPictures::look_at(std::size_t frame, const GreyImage& picture) {
   hashes_[frame] = hash;
 }
 
+std::size_t BadPictures::most() const {
+  return static_cast<std::size_t>(kMostPart * static_cast<double>(pictures_));
+}
+
 bool BadPictures::are_too_many() const {
   const std::lock_guard lock(mutex_);
-  return static_cast<double>(problems_.size()) > kMostPart * static_cast<double>(frames_);
+  return problems_.size() > most();
 }
 
 std::vector<std::string> BadPictures::warnings() const {
@@ -57,12 +67,12 @@ std::vector<std::string> BadPictures::warnings() const {
 
 std::shared_ptr<const BadPictures> leave_out_bad_pictures(Sequence& sequence) {
   const auto bad = std::make_shared<BadPictures>(sequence);
+  const std::size_t tried = std::max<std::size_t>(3, bad->most() + 1);
   for (std::size_t camera = 0; camera < sequence.cameras.size(); ++camera) {
-    constexpr std::size_t kFirst = 3;
     std::optional<Error> first;
     std::size_t looked_at = 0;
     std::size_t unusable = 0;
-    for (std::size_t i = 0; i < sequence.frames.size() && looked_at < kFirst; ++i) {
+    for (std::size_t i = 0; i < sequence.frames.size() && looked_at < tried; ++i) {
       if (!sequence.frames[i].present[camera]) continue;
       ++looked_at;
       try {

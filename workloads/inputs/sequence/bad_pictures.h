@@ -16,28 +16,31 @@ namespace pirt {
 /// Any thread may call it.
 class BadPictures {
  public:
-  /// More than this part of a sequence's frames is not one bad picture any more.
+  /// More than this part of a sequence's pictures is not one bad picture any more.
   static constexpr double kMostPart = 0.05;
 
-  explicit BadPictures(const Sequence& sequence) : frames_(sequence.frames.size()) {}
+  explicit BadPictures(const Sequence& sequence);
 
   void add(std::size_t frame, std::size_t camera, const std::string& problem);
   /// What the first camera showed.
   void look_at(std::size_t frame, const GreyImage& picture);
+  /// So many may be.
+  [[nodiscard]] std::size_t most() const;
   [[nodiscard]] bool are_too_many() const;
   /// Of the first few, and how many there are; and whether the camera hung: no two pictures of one
   /// that works are the same.
   [[nodiscard]] std::vector<std::string> warnings() const;
 
  private:
-  std::size_t frames_;
+  std::size_t frames_, pictures_ = 0;  ///< Pictures: of all cameras.
   mutable std::mutex mutex_;
   std::map<std::pair<std::size_t, std::size_t>, std::string> problems_;  ///< By frame, camera.
   std::map<std::size_t, std::size_t> hashes_;                            ///< By frame.
 };
 
 /// From now on Sequence::image gives an empty picture in place of one that cannot be read.
-/// @throws Error{kBadInput} if that is so of all of the first few: then none will be better.
+/// @throws Error{kBadInput} if that is so of all of the first pictures of a camera, three or as
+/// many as end a run: then none will be better.
 [[nodiscard]] std::shared_ptr<const BadPictures> leave_out_bad_pictures(Sequence& sequence);
 
 }  // namespace pirt

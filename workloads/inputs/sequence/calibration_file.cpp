@@ -114,6 +114,12 @@ GivenCamera ros_camera(const YamlNode& node) {
 GivenCamera euroc_camera(const fs::path& file) {
   GivenCamera camera{.model = read_camera_yaml(file)};
   camera.body_from_camera = camera.model.body_from_camera;
+  const fs::path imu = fs::absolute(file).parent_path().parent_path() / "imu0" / "sensor.yaml";
+  std::error_code failed;
+  if (!fs::exists(imu, failed)) return camera;
+  const YamlNode sensor = read_opencv_yaml(imu);
+  if (!sensor.has("T_BS")) return camera;
+  camera.body_from_camera = extrinsics_of(sensor).inverse() * *camera.body_from_camera;
   return camera;
 }
 
@@ -163,6 +169,11 @@ Pose rigid_of(const YamlNode& node, const std::vector<double>& rows) {
   return pose;
 }
 
+Pose extrinsics_of(const YamlNode& sensor) {
+  const YamlNode node = sensor.at("T_BS").at("data");
+  return rigid_of(node, numbers_of(node, 16, 16));
+}
+
 std::vector<GivenCamera> read_calibration(const fs::path& path) {
   std::error_code failed;
   std::vector<GivenCamera> cameras;
@@ -170,7 +181,9 @@ std::vector<GivenCamera> read_calibration(const fs::path& path) {
     const fs::path root = fs::exists(path / "mav0", failed) ? path / "mav0" : path;
     for (const char* name : {"cam0", "cam1"}) {
       const fs::path file = root / name / "sensor.yaml";
-      if (fs::exists(file, failed)) cameras.push_back(euroc_camera(file));
+      if (!fs::exists(file, failed)) continue;
+      cameras.push_back(euroc_camera(file));
+      cameras.back().topic = fmt::format("/{}/image_raw", name);
     }
     if (!cameras.empty()) return cameras;
     throw_bad_input("'" + path.string() + "' has no cam0/sensor.yaml, which is a calibration");

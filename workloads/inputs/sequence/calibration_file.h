@@ -14,7 +14,7 @@ namespace pirt {
 struct GivenCamera {
   CameraModel model;
   std::string topic = {};  ///< Of its pictures; empty = the file does not say.
-  /// Where it sits; absent = the file does not say.
+  /// Where it sits, with the IMU as body; absent = the file does not say.
   std::optional<Pose> body_from_camera = {},
                       first_from_camera = {};  ///< First: the file's first camera.
   std::optional<CameraModel> rectified = {};   ///< What its rectified pictures are of.
@@ -24,9 +24,9 @@ struct GivenCamera {
 };
 
 /// @param path  Kalibr's camchain (cam0, cam1, ..., also with T_cam_imu), EuRoC's sensor.yaml or
-/// the
-///              folder of cam0/sensor.yaml and cam1/sensor.yaml, or what ROS's camera_calibration
-///              writes (camera_matrix).
+///              the folder of cam0/sensor.yaml and cam1/sensor.yaml, of topics /cam0/image_raw and
+///              /cam1/image_raw, with the IMU as body where imu0/sensor.yaml is in the same folder,
+///              or what ROS's camera_calibration writes (camera_matrix).
 /// @throws Error{kBadInput} with file:line.
 [[nodiscard]] std::vector<GivenCamera> read_calibration(const std::filesystem::path& path);
 
@@ -39,5 +39,7 @@ struct GivenCamera {
 [[nodiscard]] CameraModel pinhole_camera(const YamlNode& node);
 /// Of a sensor. @param rows  4 of 4 numbers, one after the other; of @p node, for errors.
 [[nodiscard]] Pose rigid_of(const YamlNode& node, const std::vector<double>& rows);
+/// EuRoC's T_BS: where a sensor sits on the body.
+[[nodiscard]] Pose extrinsics_of(const YamlNode& sensor);
 
 }  // namespace pirt

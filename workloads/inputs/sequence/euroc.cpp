@@ -17,6 +17,7 @@
 #include "workloads/inputs/sequence/sequence.h"
 #include "workloads/inputs/sequence/stamps.h"
 #include "workloads/inputs/sequence/table_file.h"
+#include "workloads/inputs/sequence/trajectory.h"
 
 namespace pirt {
 namespace {
@@ -34,11 +35,6 @@ YamlNode read_sensor(const fs::path& file) {
         file.string()));
   }
   return read_opencv_yaml(file);
-}
-
-Pose read_extrinsics(const YamlNode& sensor) {
-  const YamlNode node = sensor.at("T_BS").at("data");
-  return rigid_of(node, numbers_of(node, 16, 16));
 }
 
 struct Stamped {
@@ -60,10 +56,6 @@ std::vector<Stamped> read_frames(const fs::path& camera, std::vector<std::string
   keep_rising(frames, "'" + (camera / "data.csv").string() + "'", warnings);
   return frames;
 }
-
-}  // namespace
-
-namespace {
 
 /// A sensor has noise: one axis that never moves while the others do is stuck, and where none does
 /// it is dead. Two that do not are a simulated robot's that turns in the plane.
@@ -219,7 +211,8 @@ void read_cameras(const fs::path& root, const ReadOptions& options,
   };
 }
 
-void read_imu(const fs::path& root, Sequence& sequence) {
+/// @param is_body  As a calibration that is given has it.
+void read_imu(const fs::path& root, bool is_body, Sequence& sequence) {
   if (!fs::exists(root / "imu0")) return;
   const fs::path file = root / "imu0" / "data.csv";
   const fs::path sensor = root / "imu0" / "sensor.yaml";
@@ -234,7 +227,8 @@ void read_imu(const fs::path& root, Sequence& sequence) {
     sequence.warnings.push_back("no imu0/sensor.yaml: the IMU is taken to be as noisy as EuRoC's");
     return;
   }
-  const Pose body_from_imu = read_extrinsics(read_sensor(sensor));
+  if (is_body) return;
+  const Pose body_from_imu = extrinsics_of(read_sensor(sensor));
   if (body_from_imu.position.norm() > 1e-6) {
     throw_bad_input("'" + sensor.string() +
                     "': the IMU is not at the body's origin; give T_BS of all sensors with the "
@@ -260,7 +254,7 @@ CameraModel read_camera_yaml(const fs::path& file) {
   const auto lens = numbers_of(sensor.at("distortion_coefficients"), 4, 4, 10.0);
   const auto problem = set_lens(camera, model == "equidistant" ? model : "plumb_bob", lens);
   if (!problem.empty()) sensor.at("distortion_coefficients").fail(problem);
-  camera.body_from_camera = read_extrinsics(sensor);
+  camera.body_from_camera = extrinsics_of(sensor);
   camera.rate_hz = sensor.at("rate_hz").number(0.01, 10000);
   return camera;
 }
@@ -332,7 +326,12 @@ Sequence read_euroc(const fs::path& folder, const ReadOptions& options) {
   const auto given = cameras_of(root, given_cameras(root, options));
   read_cameras(root, options, given, sequence);
   const bool is_placed = given.empty() || given.front().body_from_camera;
-  if (options.imu && is_placed) read_imu(root, sequence);
+  Pose body_from_imu;  // Where a calibration that is given has the IMU as body, truth has not.
+  const fs::path sensor = root / "imu0" / "sensor.yaml";
+  if (is_placed && !given.empty() && fs::exists(sensor)) {
+    body_from_imu = extrinsics_of(read_sensor(sensor));
+  }
+  if (options.imu && is_placed) read_imu(root, !given.empty(), sequence);
   if (options.imu && !is_placed && fs::exists(root / "imu0")) {
     sequence.warnings.push_back(
         "imu0 is not used: the calibration does not say where the IMU sits (T_cam_imu)");
@@ -340,9 +339,10 @@ Sequence read_euroc(const fs::path& folder, const ReadOptions& options) {
   if (!given.empty()) frames_by_imu(sequence, given.front().imu_later_s);
   for (const char* name : {"state_groundtruth_estimate0", "mocap0"}) {
     const fs::path truth = root / name / "data.csv";
-    if (!fs::exists(truth)) continue;
-    sequence.truth = read_truth_csv(truth, sequence.warnings);
-    if (is_placed || !options.truth.empty()) continue;
+    if (!options.truth.empty() || !sequence.truth.empty() || !fs::exists(truth)) continue;
+    take_truth(sequence, name, [&] { sequence.truth = read_truth_csv(truth, sequence.warnings); });
+    for (TruthRow& row : sequence.truth) row.body = row.body * body_from_imu;
+    if (is_placed || sequence.truth.empty()) continue;
     sequence.warnings.push_back(
         fmt::format("nobody knows where what {} is of sits on the camera, whose path is estimated: "
                     "errors against {} have that in them",

@@ -21,16 +21,6 @@ namespace {
 
 }  // namespace
 
-GreySize grey_size(const std::filesystem::path& file) {
-  const ImageCheck check = check_image(read_file(file));
-  if (!check.header) refuse(file, check.problem);
-  constexpr std::int64_t kWidest = 20000;
-  if (check.header->width > kWidest || check.header->height > kWidest) {
-    refuse(file, "it is larger than 20000 pixels");
-  }
-  return {static_cast<int>(check.header->width), static_cast<int>(check.header->height)};
-}
-
 GreyImage read_grey_image(const std::filesystem::path& file, int width, int height,
                           std::atomic<bool>* is_deep) {
   const std::string bytes = read_file(file);

@@ -12,11 +12,15 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/math/pixel_index.h"
+#include "workloads/base/text/text.h"
+#include "workloads/inputs/pictures/image_format.h"
 #include "workloads/inputs/pictures/images.h"
+#include "workloads/inputs/recording/first_message.h"
 #include "workloads/inputs/sequence/camera_info.h"
 #include "workloads/inputs/sequence/sequence.h"
 #include "workloads/inputs/sequence/stamps.h"
 #include "workloads/inputs/sequence/table_file.h"
+#include "workloads/inputs/sequence/trajectory.h"
 
 namespace pirt {
 namespace {
@@ -119,6 +123,17 @@ std::vector<std::size_t> rows_of(const fs::path& file, std::size_t rows, const c
   return positions;
 }
 
+/// What a picture's header says: the calibration does not.
+ImageHeader header_of(const fs::path& file) {
+  constexpr std::int64_t kMostAcross = 20000;
+  const ImageCheck check = check_image(read_file(file));
+  const bool is_large =
+      check.header && std::max(check.header->width, check.header->height) > kMostAcross;
+  if (check.header && !is_large) return *check.header;
+  throw_bad_input("cannot use the picture '" + file.string() +
+                  "': " + (is_large ? "it is larger than 20000 pixels" : check.problem));
+}
+
 /// Of each picture; they need not rise.
 std::vector<Nanos> read_times(const fs::path& folder, Sequence& sequence,
                               const std::vector<Number>& numbers) {
@@ -149,12 +164,16 @@ struct Shot {
   std::optional<fs::path> right;
 };
 
-void read_poses(const fs::path& file, Sequence& sequence, const std::vector<Number>& numbers,
+/// Truth may end before the pictures do.
+void read_poses(const fs::path& file, Sequence& sequence, std::vector<Number> numbers,
                 const std::vector<Shot>& shots) {
-  if (!fs::exists(file)) return;
   const auto poses = read_table(file, ' ', 0);
+  if (poses.size() < numbers.size() && numbers.front() == 0) {
+    std::erase_if(numbers, [&poses](Number number) { return number >= poses.size(); });
+  }
   const auto rows = rows_of(file, poses.size(), "poses", numbers);
   for (const Shot& shot : shots) {
+    if (shot.place >= rows.size()) continue;
     const TableRow& from = poses[rows[shot.place]];
     const Matrix34 pose = matrix_of(from);
     TruthRow row;
@@ -167,6 +186,10 @@ void read_poses(const fs::path& file, Sequence& sequence, const std::vector<Numb
     if (!rotation) from.fail("is no rotation and translation");
     row.body.rotation = *rotation;
     sequence.truth.push_back(row);
+  }
+  if (sequence.truth.size() < shots.size()) {
+    sequence.warnings.push_back(fmt::format("'{}' has no poses of {} of {} pictures", file.string(),
+                                            shots.size() - sequence.truth.size(), shots.size()));
   }
 }
 
@@ -202,12 +225,13 @@ Sequence read_kitti(const fs::path& folder, const ReadOptions& options) {
   for (std::size_t i = 0; i < shots.size() && !right.empty(); ++i) {
     partners.push_back(shots[i].right ? std::optional(i) : std::nullopt);
   }
-  const GreySize size =
-      first_usable(shots.size(), [&shots](std::size_t i) { return grey_size(shots[i].left); });
+  const ImageHeader header =
+      first_usable(shots.size(), [&shots](std::size_t i) { return header_of(shots[i].left); });
+  const auto width = static_cast<int>(header.width), height = static_cast<int>(header.height);
   for (std::size_t i = 0; i < (right.empty() ? 1U : 2U); ++i) {
     CameraModel camera = camera_of(projection_of(calibration, i), calibration);
-    camera.width = size.width;
-    camera.height = size.height;
+    camera.width = width;
+    camera.height = height;
     const std::string problem = no_pinhole(camera);
     if (!problem.empty()) throw_bad_input("'" + calibration.string() + "': " + problem);
     sequence.cameras.push_back(camera);
@@ -221,11 +245,15 @@ Sequence read_kitti(const fs::path& folder, const ReadOptions& options) {
   }
   make_frames(sequence, stamps_of(shots), partners,
               {left.filename().string(), right.filename().string()});
-  read_poses(folder / "poses.txt", sequence, numbers, shots);
-  sequence.image = [shots, size, deep = std::make_shared<std::array<std::atomic<bool>, 2>>()](
+  const fs::path poses = folder / "poses.txt";
+  if (options.truth.empty() && fs::exists(poses)) {
+    take_truth(sequence, "poses.txt", [&] { read_poses(poses, sequence, numbers, shots); });
+  }
+  sequence.image = [shots, width, height,
+                    deep = std::make_shared<std::array<std::atomic<bool>, 2>>()](
                        std::size_t frame, std::size_t camera) {
     const Shot& shot = shots[frame];
-    return read_grey_image(camera == 0 ? shot.left : shot.right.value(), size.width, size.height,
+    return read_grey_image(camera == 0 ? shot.left : shot.right.value(), width, height,
                            &deep->at(camera));
   };
   return sequence;

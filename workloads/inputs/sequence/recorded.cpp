@@ -7,25 +7,26 @@
 #include <atomic>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <opencv2/core.hpp>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/text.h"
 #include "workloads/inputs/pictures/recorded_picture.h"
 #include "workloads/inputs/recording/messages.h"
 #include "workloads/inputs/recording/recording.h"
 #include "workloads/inputs/sequence/imu_check.h"
 #include "workloads/inputs/sequence/recorded_calibration.h"
 #include "workloads/inputs/sequence/recorded_imu.h"
+#include "workloads/inputs/sequence/recorded_topics.h"
 #include "workloads/inputs/sequence/stamps.h"
+#include "workloads/inputs/sequence/trajectory.h"
 #include "workloads/inputs/sequence/transforms.h"
 
 namespace pirt {
 namespace {
 
-constexpr const char* kNone = "none";
 constexpr Nanos kUnusable = Nanos::min();  ///< Does not rise, so that it is left out.
 
 struct PictureAt {
@@ -36,7 +37,6 @@ struct PictureAt {
 /// One camera's messages.
 struct Camera {
   std::size_t topic = 0;
-  bool compressed = false;
   std::string frame = {};  ///< Of coordinates.
   RecordedCalibration calibration = {};
   std::vector<PictureAt> pictures = {};
@@ -56,13 +56,12 @@ class Reader {
   Reader(std::shared_ptr<const Recording> recording, const ReadOptions& options)
       : recording_(std::move(recording)),
         options_(options),
-        chosen_(options.topics),
         calibrations_(*recording_, options.calibration) {}
 
   Sequence read() {
     sequence_.name = recording_->file();
     sequence_.warnings = recording_->warnings();
-    find_topics();
+    use_topics();
     read_messages();
     for (std::size_t i = 0; i < cameras_.size(); ++i) finish_camera(i);
     read_inertial();
@@ -78,42 +77,11 @@ class Reader {
     throw_bad_input("'" + recording_->file() + "' " + problem);
   }
 
-  [[nodiscard]] std::size_t checked(const std::string& name,
-                                    const std::vector<std::string_view>& types) const {
-    const std::size_t found = recording_->topic(name, types);
-    if (std::ranges::find(types, topic(found).type) == types.end()) {
-      fail(fmt::format("has {} as {}, and {} is needed", name, topic(found).type, types.front()));
-    }
-    if (topic(found).encoding != "cdr" && topic(found).encoding != "ros1") {
-      fail(fmt::format("has {} encoded as '{}', and cdr or ros1 is needed", name,
-                       topic(found).encoding));
-    }
-    if (topic(found).messages == 0) fail("has no message of " + name);
-    return found;
-  }
-
-  [[nodiscard]] static const std::vector<std::string_view>& picture_types() {
-    static const std::vector<std::string_view> types = {ImageMessage::kType,
-                                                        ImageMessage::kCompressedType};
-    return types;
-  }
-
-  /// What is read of each message: of pictures their heads.
-  void find_topics() {
-    std::vector<std::size_t> topics;
-    const bool is_mono = chosen_.right == kNone || !options_.second_camera;
-    if (chosen_.left) {
-      topics.push_back(checked(*chosen_.left, picture_types()));
-      if (chosen_.right && !is_mono) topics.push_back(checked(*chosen_.right, picture_types()));
-    } else {
-      topics = find_cameras();
-      if (is_mono) topics.resize(1);
-    }
-    for (const std::size_t each : topics) {
-      cameras_.push_back({each, topic(each).type == ImageMessage::kCompressedType});
-    }
-    for (const std::size_t each : find_imu()) imus_.push_back({each});
-    truth_topic_ = find_truth();
+  void use_topics() {
+    const auto topics = find_topics(*recording_, options_, calibrations_, sequence_.warnings);
+    for (const std::size_t each : topics.cameras) cameras_.push_back({each});
+    for (const std::size_t each : topics.imus) imus_.push_back({each});
+    truth_topic_ = topics.truth;
   }
 
   [[nodiscard]] bool is_static(std::size_t id) const {
@@ -122,7 +90,8 @@ class Reader {
 
   /// Those of the left camera's robot, in whose folder it is; of either name all where none is.
   [[nodiscard]] std::vector<std::size_t> transform_topics() const {
-    const auto all = recording_->of_type(TransformMessage::kType);
+    auto all = recording_->of_type(TransformMessage::kType);
+    std::ranges::copy(recording_->of_type(TransformMessage::kOldType), std::back_inserter(all));
     const auto is_own = [this](std::size_t id) {
       const std::string folder = folder_of(topic(id).name);
       return folder.empty() || topic(cameras_.front().topic).name.starts_with(folder + "/");
@@ -215,76 +184,12 @@ class Reader {
     }
   }
 
-  /// The one or two topics with pictures, by what their first messages are.
-  [[nodiscard]] std::vector<std::size_t> find_cameras() {
-    std::vector<std::size_t> found;
-    for (const auto type : picture_types()) {
-      std::ranges::copy(recording_->of_type(type), std::back_inserter(found));
-    }
-    std::ranges::sort(found);
-    if (found.empty()) {
-      // What was left out of it says why.
-      fail("has no pictures: no topic of sensor_msgs/Image or CompressedImage; it has " +
-           recording_->describe() + (recording_->warnings().empty() ? "" : "; ") +
-           join(recording_->warnings(), "; "));
-    }
-    if (found.size() == 1) return found;
-    std::vector<std::size_t> usable;
-    std::vector<std::string> names, left_out;
-    for (const std::size_t each : found) {
-      const std::string why_not = no_camera(each, found);
-      if (why_not.empty()) {
-        usable.push_back(each);
-        names.push_back(topic(each).name);
-      } else {
-        left_out.push_back(topic(each).name + " " + why_not);
-      }
-    }
-    if (usable.empty()) fail("has no pictures that can be used: " + join(left_out, ", "));
-    if (usable.size() > 2) {
-      fail(fmt::format("has {} topics with pictures; choose: --topics left={},right={}: {}",
-                       usable.size(), names[0], names[1], join(names, ", ")));
-    }
-    if (!left_out.empty()) {
-      sequence_.warnings.push_back(fmt::format("pictures are those of {}; not used: {}",
-                                               join(names, " and "), join(left_out, ", ")));
-    }
-    return usable;
-  }
-
-  /// Why one of several topics is not to be taken; empty = it may be.
-  [[nodiscard]] std::string no_camera(std::size_t id, const std::vector<std::size_t>& all) const {
-    const std::string why_not = first_message(*recording_, id, [&](WireReader& in) {
-      return no_picture(read_image(in, topic(id).type == ImageMessage::kCompressedType));
-    });
-    if (!why_not.empty()) return why_not;
-    for (const std::size_t other : all) {
-      if (is_same_camera(topic(other).name, topic(id).name)) return "shows " + topic(other).name;
-    }
-    if (calibrations_.are_given()) return "";
-    const bool any_info = std::ranges::any_of(all, [this](std::size_t each) {
-      return calibrations_.info_of(topic(each).name).has_value();
-    });
-    return calibrations_.info_of(topic(id).name) || !any_info ? "" : "has no camera_info";
-  }
-
   void finish_camera(std::size_t place) {
     Camera& camera = cameras_[place];
     order(camera.pictures, camera.topic, kFinestPicture_s);
     camera.calibration = calibrations_.of(topic(camera.topic).name, place, sequence_.warnings);
     double& rate_hz = camera.model().rate_hz;
     rate_hz = usual_rate_hz(stamps_of(camera.pictures), rate_hz);
-  }
-
-  /// One topic, or the gyroscope's and the accelerometer's; none if there is no IMU.
-  [[nodiscard]] std::vector<std::size_t> find_imu() const {
-    if (!options_.imu || chosen_.imu == kNone) return {};
-    if (!chosen_.imu) return imu_among(*recording_, recording_->of_type(ImuMessage::kType));
-    std::vector<std::size_t> named;
-    for (const auto& name : split(*chosen_.imu, '+')) {
-      named.push_back(checked(name, {ImuMessage::kType}));
-    }
-    return imu_among(*recording_, named);
   }
 
   void read_inertial() {
@@ -425,78 +330,15 @@ class Reader {
     };
   }
 
-  /// The one of the left camera's robot, whose name theirs begin with.
-  [[nodiscard]] std::size_t truth_of_several(const std::vector<std::size_t>& all) const {
-    const auto robot_of = [this](std::size_t id) {
-      const std::string& name = topic(id).name;
-      return name.substr(0, name.find('/', 1));
-    };
-    std::vector<std::size_t> same;
-    std::vector<std::string> names;
-    for (const std::size_t each : all) {
-      names.push_back(topic(each).name);
-      if (robot_of(each) == robot_of(cameras_.front().topic)) same.push_back(each);
-    }
-    if (same.size() == 1) return same.front();
-    fail(
-        fmt::format("has {} topics that could be truth; choose one: --topics truth={}, or none: {}",
-                    all.size(), names.front(), join(names, ", ")));
-  }
-
-  /// What has truth in its name, else a PoseStamped by its type alone: others may be what a robot
-  /// believes of itself.
-  [[nodiscard]] std::optional<std::size_t> find_truth() {
-    const std::vector<std::string_view> types = {PoseMessage::kType, PoseMessage::kWithCovariance,
-                                                 PoseMessage::kOdometry, PoseMessage::kTransform};
-    if (chosen_.truth == kNone) return std::nullopt;
-    if (chosen_.truth) return checked(*chosen_.truth, types);
-    if (!options_.truth.empty()) return std::nullopt;
-    const auto has = [this](std::size_t id, const char* word) {
-      return topic(id).name.find(word) != std::string::npos;
-    };
-    std::vector<std::size_t> found;
-    std::vector<std::string> plain;
-    for (const auto type : types) {
-      for (const std::size_t each : recording_->of_type(type)) {
-        if (has(each, "truth")) found.push_back(each);
-      }
-    }
-    const bool is_named = !found.empty();
-    if (found.size() > 1) found = {truth_of_several(found)};
-    for (const std::size_t each : recording_->of_type(PoseMessage::kType)) {
-      // A PoseStamped is also where a robot is to go.
-      const bool is_wish =
-          std::ranges::any_of(std::array{"goal", "setpoint", "target", "cmd", "command"},
-                              [&](const char* word) { return has(each, word); });
-      if (is_wish || has(each, "truth")) continue;
-      found.push_back(each);
-      plain.push_back(topic(each).name);
-    }
-    if (found.empty()) return std::nullopt;
-    if (!is_named && plain.size() > 1) {
-      fail(fmt::format("has {} topics of {}; choose one: --topics truth={}, or none: {}",
-                       plain.size(), PoseMessage::kType, plain.front(), join(plain, ", ")));
-    }
-    if (!plain.empty()) {
-      sequence_.warnings.push_back(fmt::format(
-          "truth is taken to be {}{}; another one, or none: --topics truth=TOPIC",
-          topic(found.front()).name, is_named ? ", not " + join(plain, ", ") : ", by its type"));
-    }
-    return found.front();
-  }
-
-  /// What was not asked for, and is no truth, costs no recording.
   void read_truth() {
     if (!truth_topic_) return;
     const std::string& name = topic(*truth_topic_).name;
-    try {
+    if (options_.topics.truth) {
       order(sequence_.truth, *truth_topic_);
-    } catch (const Error& error) {
-      if (error.code() != ErrorCode::kBadInput || chosen_.truth) throw;
-      sequence_.truth.clear();
-      sequence_.warnings.push_back(name + " is not taken for truth: " + error.what());
-      return;
+    } else {
+      take_truth(sequence_, name, [this] { order(sequence_.truth, *truth_topic_); });
     }
+    if (sequence_.truth.empty()) return;
     const auto body =
         truth_frame_.empty() ? std::nullopt : transforms_.between(truth_frame_, body_);
     for (TruthRow& row : sequence_.truth) {
@@ -610,7 +452,6 @@ class Reader {
 
   std::shared_ptr<const Recording> recording_;
   const ReadOptions& options_;
-  const SequenceTopics& chosen_;
   RecordedCalibrations calibrations_;
   Transforms transforms_;
   std::vector<Camera> cameras_;
@@ -631,35 +472,6 @@ class Reader {
 };
 
 }  // namespace
-
-SequenceTopics parse_topics(const std::string& text) {
-  SequenceTopics topics;
-  const std::vector<std::string> known = {"left", "right", "imu", "truth"};
-  for (const auto& part : split(text, ',')) {
-    const auto equals = part.find('=');
-    const std::string key = part.substr(0, equals);
-    if (equals == std::string::npos || equals + 1 == part.size() ||
-        std::ranges::find(known, key) == known.end()) {
-      throw_bad_input(
-          "--topics is left=TOPIC,right=TOPIC,imu=TOPIC,truth=TOPIC, each of them or "
-          "some, with none for without it; got '" +
-          part + "'" + (equals == std::string::npos ? "" : suggestion(key, known)));
-    }
-    auto& topic = key == "left"    ? topics.left
-                  : key == "right" ? topics.right
-                  : key == "imu"   ? topics.imu
-                                   : topics.truth;
-    topic = part.substr(equals + 1);
-  }
-  if (topics.left == kNone) throw_bad_input("--topics left=none leaves no camera");
-  if (topics.right && topics.right == topics.left) {
-    throw_bad_input("--topics names one topic as left and right; name two, or right=none");
-  }
-  if (topics.right && !topics.left && topics.right != kNone) {
-    throw_bad_input("--topics names the right camera's topic; name the left one's, too");
-  }
-  return topics;
-}
 
 Sequence read_recording(const std::filesystem::path& file, const ReadOptions& options) {
   return Reader(open_recording(file), options).read();

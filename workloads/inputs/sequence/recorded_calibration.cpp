@@ -2,10 +2,12 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "workloads/base/error.h"
+#include "workloads/inputs/recording/first_message.h"
 #include "workloads/inputs/recording/messages.h"
 
 namespace pirt {

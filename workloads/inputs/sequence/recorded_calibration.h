@@ -1,7 +1,6 @@
 // What a recording, or a file that is given beside it, says of a topic's pictures.
 #pragma once
 
-#include <algorithm>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -10,7 +9,6 @@
 #include "workloads/inputs/recording/recording.h"
 #include "workloads/inputs/sequence/calibration_file.h"
 #include "workloads/inputs/sequence/camera_info.h"
-#include "workloads/inputs/sequence/stamps.h"
 
 namespace pirt {
 
@@ -20,23 +18,6 @@ namespace pirt {
 [[nodiscard]] std::string base_topic(const std::string& topic);
 /// Whether @p other shows nothing that @p topic does not.
 [[nodiscard]] bool is_same_camera(const std::string& topic, const std::string& other);
-
-template <typename Read>
-[[nodiscard]] auto read_message(const Recording& recording, std::size_t topic, std::size_t i,
-                                const Read& read) {
-  const std::string bytes = recording.message(topic, i);
-  auto in = recording.reader(topic, i, bytes);
-  return read(in);
-}
-
-/// Of the first message that is one, among the first hundred: a sensor that starts may say
-/// nonsense.
-template <typename Read>
-[[nodiscard]] auto first_message(const Recording& recording, std::size_t topic, const Read& read) {
-  constexpr std::size_t kTried = 100;
-  return first_usable(std::min(kTried, recording.topics()[topic].messages),
-                      [&](std::size_t i) { return read_message(recording, topic, i, read); });
-}
 
 struct RecordedCalibration {
   InfoCamera camera = {};

@@ -8,8 +8,8 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
+#include "workloads/inputs/recording/first_message.h"
 #include "workloads/inputs/recording/messages.h"
-#include "workloads/inputs/sequence/recorded_calibration.h"
 
 namespace pirt {
 namespace {

@@ -121,10 +121,4 @@ struct ReadOptions {
 [[nodiscard]] GreyImage read_grey_image(const std::filesystem::path& file, int width, int height,
                                         std::atomic<bool>* is_deep = nullptr);
 
-/// What a PNG's header says, for layouts whose calibration does not.
-struct GreySize {
-  int width = 0, height = 0;
-};
-[[nodiscard]] GreySize grey_size(const std::filesystem::path& file);
-
 }  // namespace pirt

@@ -10,12 +10,16 @@
 namespace pirt {
 
 Nanos usual_step(const std::vector<Nanos>& stamps) {
-  std::vector<Nanos> steps;
-  for (std::size_t i = 1; i < stamps.size(); ++i) steps.push_back(stamps[i] - stamps[i - 1]);
-  if (steps.empty()) return Nanos::zero();
-  const auto middle = steps.begin() + std::ssize(steps) / 2;
-  std::ranges::nth_element(steps, middle);
-  return *middle;
+  // Bursts of 2, 3, 4, 6 or 8 are even over so many; of few stamps most have to be without a pause.
+  const std::size_t count = std::clamp<std::size_t>(stamps.size() / 8, 1, 24);
+  std::vector<Nanos> lasting;
+  for (std::size_t i = count; i < stamps.size(); ++i) {
+    lasting.push_back(stamps[i] - stamps[i - count]);
+  }
+  if (lasting.empty()) return Nanos::zero();
+  const auto middle = lasting.begin() + std::ssize(lasting) / 2;
+  std::ranges::nth_element(lasting, middle);
+  return *middle / static_cast<std::int64_t>(count);
 }
 
 double usual_rate_hz(const std::vector<Nanos>& stamps, double otherwise) {

@@ -17,7 +17,8 @@ namespace pirt {
 /// guess.
 inline constexpr Nanos kLongestPrediction = std::chrono::seconds(30);
 
-/// The median; zero for less than two.
+/// The median, over several steps at once, since messages may be stamped when they arrive, in
+/// bursts; zero for less than two.
 [[nodiscard]] Nanos usual_step(const std::vector<Nanos>& stamps);
 /// That of the usual step, which a pause does not change. @param otherwise  For less than two.
 [[nodiscard]] double usual_rate_hz(const std::vector<Nanos>& stamps, double otherwise);
@@ -43,20 +44,6 @@ void check_step(const std::string& what, std::vector<Nanos> stamps,
 /// half.
 void tell_of_rising(const std::string& what, std::size_t kept, std::size_t all,
                     std::vector<std::string>& warnings);
-
-/// What is read of the first of @p count that can be used: what is recorded may begin with
-/// nonsense.
-/// @throws Error{kBadInput} as the last one, if none can.
-template <typename Read>
-[[nodiscard]] auto first_usable(std::size_t count, const Read& read) {
-  for (std::size_t i = 0;; ++i) {
-    try {
-      return read(i);
-    } catch (const Error& error) {
-      if (error.code() != ErrorCode::kBadInput || i + 1 >= count) throw;
-    }
-  }
-}
 
 /// Rows with a `time`.
 template <typename Row>

@@ -55,6 +55,25 @@ const char* why_fewer(const std::string& line, char separator) {
   return "; is the file cut off?";
 }
 
+/// The words of a heading that blanks separate, each with its unit: "tx [m]".
+std::vector<std::string> with_units(const std::vector<std::string>& words) {
+  std::vector<std::string> cells;
+  bool is_open = false;
+  for (const std::string& word : words) {
+    const bool goes_on = is_open || word.starts_with('[') || word.starts_with('(');
+    if (goes_on && !cells.empty()) {
+      cells.back() += " " + word;
+    } else {
+      cells.push_back(word);
+    }
+    for (const char c : word) {
+      if (c == '[' || c == '(') is_open = true;
+      if (c == ']' || c == ')') is_open = false;
+    }
+  }
+  return cells;
+}
+
 /// A heading that is not marked as a comment, as spreadsheets and pandas write it.
 bool is_heading(const std::string& cell) {
   std::string word;
@@ -105,7 +124,7 @@ void check_unit(const TableRow& heading, std::size_t column, std::string_view na
   const auto fail = [&](const char* wanted) {
     heading.fail(fmt::format("column {} is in {}; give {}", column + 1, unit, wanted));
   };
-  if (turns && is_one_of({"deg", "degree", "degrees", "\u00b0"})) fail("rad/s");
+  if (turns && is_one_of({"deg", "degree", "degrees", "\u00b0", "dps", "mdps"})) fail("rad/s");
   if (accelerates && is_one_of({"g", "mg"})) fail("m/s^2");
   if (moves && is_one_of({"mm", "cm", "km", "ft", "in"}))
     fail(name.starts_with("v ") ? "m/s" : "m");
@@ -184,6 +203,7 @@ std::vector<TableRow> read_table(const std::filesystem::path& file, char separat
     const bool is_comment = line.front() == '#';
     if (is_comment) line.erase(0, line.find_first_not_of('#'));
     auto cells = cells_of(line, separator);
+    if (is_comment && separator == ' ') cells = with_units(cells);
     const bool may_be_heading = !is_comment && separator == ',' && std::exchange(is_first, false);
     if (is_comment || (may_be_heading && is_heading(cells.front()))) {
       if (rows.empty()) heading.emplace(place, std::move(cells));

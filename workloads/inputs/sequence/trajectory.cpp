@@ -120,6 +120,16 @@ std::vector<TruthRow> read_tum(const std::filesystem::path& file,
   return truth;
 }
 
+void take_truth(Sequence& sequence, const std::string& what, const std::function<void()>& read) {
+  try {
+    read();
+  } catch (const Error& error) {
+    if (error.code() != ErrorCode::kBadInput) throw;
+    sequence.truth.clear();
+    sequence.warnings.push_back(what + " is not taken for truth: " + error.what());
+  }
+}
+
 std::optional<Pose> truth_at(std::span<const TruthRow> truth, Nanos time) {
   const auto after = std::ranges::lower_bound(truth, time, {}, &TruthRow::time);
   if (after == truth.end()) return std::nullopt;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -26,6 +27,10 @@ struct StampedPose {
 /// @throws Error{kBadInput} with file:line.
 [[nodiscard]] std::vector<TruthRow> read_tum(const std::filesystem::path& file,
                                              std::vector<std::string>& warnings);
+
+/// Reads truth that nobody has named: it is to evaluate only, and what is none costs a warning, not
+/// the sequence.
+void take_truth(Sequence& sequence, const std::string& what, const std::function<void()>& read);
 
 /// Truth that was lost for longer is not made up.
 inline constexpr Nanos kLongestTruthGap = std::chrono::milliseconds(300);
