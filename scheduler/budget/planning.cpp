@@ -21,12 +21,17 @@
 namespace pirt {
 namespace {
 
-constexpr double kTrialTasks = 1000;
+/// About so many tasks run, or up to so many times as many where a first deadline is late.
+struct Extent {
+  double tasks = 0;
+  double most_times = 0;
+};
+constexpr Extent kTrial = {1000, 10};
+constexpr Extent kJudged = {5000, 100};  ///< Of the run that a candidate is judged by.
 // In all trials of a plan, and of one that is for another objective or for when a unit is away.
 constexpr std::int64_t kMostTasks = 100'000;
 constexpr std::int64_t kMostTasksBeside = 20'000;
-constexpr double kCandidateTasks = 5000;  ///< Of the run that a candidate is judged by.
-constexpr double kAlike = 0.003;          ///< Figures that differ by less count as the same.
+constexpr double kAlike = 0.003;  ///< Figures that differ by less count as the same.
 /// What may be given away of the objective for the figures behind it, all in all.
 constexpr double kSlack = 0.005;
 constexpr double kMargin = 1e-6;  ///< By which a least rate is kept.
@@ -62,9 +67,23 @@ std::optional<double> most_per_ms(const ModeSetup& setup) {
 
 /// The joules are 0 where nobody knows some unit's.
 struct TrialResult : TriedPlan {
-  std::int64_t queued = 0;  ///< Of the late ones, those without a deadline.
-  std::int64_t misses = 0;  ///< Of all deadlines; firings that were dropped, too.
+  std::int64_t queued = 0;     ///< Of the late ones, those without a deadline.
+  std::int64_t misses = 0;     ///< Of all deadlines; firings that were dropped, too.
+  std::int64_t never_ran = 0;  ///< Pipelines.
+  std::int64_t completed = 0;  ///< Tasks.
 };
+
+/// From a firing to its end.
+double mean_latency_ms(const Tally& tally) {
+  double sum_ms = 0;
+  double firings = 0;
+  for (const PipelineTally& each : tally.pipelines) {
+    const auto completed = static_cast<double>(each.completed);
+    sum_ms += to_ms(each.latency.mean().value_or(Nanos::zero())) * completed;
+    firings += completed;
+  }
+  return firings > 0 ? sum_ms / firings : 0;
+}
 
 /// Runs so much of the mix in virtual time that about so many tasks complete, with a seed of its
 /// own and the mix's jitter: what a choice would come to.
@@ -72,7 +91,7 @@ class Trial {
  public:
   /// @param setup   Of mode budget; must outlive it.
   /// @param slices  Calls are suspended where their workloads say so, if the setup has that.
-  Trial(const ModeSetup& setup, double tasks, bool slices = true)
+  Trial(const ModeSetup& setup, const Extent& extent, bool slices = true)
       : setup_(setup), mix_(setup.scenario.mix), joules_known_(joules_known(setup)) {
     const Scenario& run = setup.scenario;
     std::optional<double> beside;  // With closed loops beside rates, which go on to the end.
@@ -82,8 +101,9 @@ class Trial {
         pipeline.offset %= from_s(1 / *pipeline.rate_hz);  // Of the same phase, from the begin on.
       }
       if (!pipeline.frames) continue;
-      const auto most = static_cast<std::int64_t>((beside ? 20 : 1) * tasks /
-                                                  static_cast<double>(pipeline.tasks.size()));
+      const auto most =
+          static_cast<std::int64_t>((beside ? 2 * extent.most_times : 1) * extent.tasks /
+                                    static_cast<double>(pipeline.tasks.size()));
       pipeline.frames =
           std::clamp<std::int64_t>(*pipeline.frames, 1, std::max<std::int64_t>(1, most));
     }
@@ -96,17 +116,9 @@ class Trial {
                                .seed = derive_seed(run.seed, "trial"),
                                .slices = run.slices});
     if (!slices) scenario_->keep_calls_whole();
-    if (mix_.open_loop()) {
-      const double rate = std::max(task_rate(mix_), beside.value_or(0) * 1e3);
-      double seen_s = 0;  // Until all with a deadline have fired.
-      for (const Pipeline& pipeline : mix_.pipelines) {
-        if (!pipeline.rate_hz || !pipeline.deadline || pipeline.offset >= run.duration) continue;
-        seen_s = std::max(seen_s, to_s(pipeline.offset) + 1 / *pipeline.rate_hz);
-      }
-      const double least_s = tasks / rate;
-      const double horizon_s = std::min(std::clamp(seen_s, least_s, 10 * least_s), 60.0);
-      scenario_->duration = std::min(run.duration, from_s(horizon_s));
-    }
+    if (!mix_.open_loop()) return;
+    const double rate = std::max(task_rate(mix_), beside.value_or(0) * 1e3);
+    end_after(extent.tasks / rate, extent.most_times);
   }
 
   TrialResult run(const BudgetChoice& choice) {
@@ -123,14 +135,16 @@ class Trial {
     tasks_run_ += record.submitted;
     TrialResult result;
     result.rate_per_ms = record.throughput_per_ms.value_or(0);
-    result.latency_ms = record.mean_latency_ms.value_or(0);
+    result.latency_ms = mean_latency_ms(tally);
     if (joules_known_ && record.energy_j && record.completed > 0) {
       result.energy_mj = *record.energy_j * 1e3 / static_cast<double>(record.completed);
     }
+    result.completed = record.completed;
     result.misses = record.stalled;
     result.queued = real_time_queued(record);
     result.late = record.stalled + real_time_losses(record) + result.queued;
     for (const PipelineResult& pipeline : record.pipelines) {
+      result.never_ran += pipeline.never_ran.value_or(false) ? 1 : 0;
       if (!pipeline.deadline_ms) continue;
       result.misses += *pipeline.deadline_misses + pipeline.dropped;
     }
@@ -141,6 +155,24 @@ class Trial {
   [[nodiscard]] std::int64_t tasks_run() const { return tasks_run_; }
 
  private:
+  /// So long at least, and until all with a deadline have fired and have had to end once; what has
+  /// none and fires later does so in the first half, so that it is seen what comes of it.
+  void end_after(double least_s, double most_times) {
+    const Nanos whole = scenario_->duration;
+    double seen_s = 0;
+    for (const Pipeline& pipeline : mix_.pipelines) {
+      if (!pipeline.rate_hz || !pipeline.deadline || pipeline.offset >= whole) continue;
+      const double ends_s = to_s(*pipeline.deadline + pipeline.jitter) + 1e-6;
+      seen_s = std::max(seen_s, to_s(pipeline.offset) + std::max(1 / *pipeline.rate_hz, ends_s));
+    }
+    const double horizon_s = std::min(std::clamp(seen_s, least_s, most_times * least_s), 60.0);
+    scenario_->duration = std::min(whole, from_s(horizon_s));
+    for (Pipeline& pipeline : mix_.pipelines) {
+      if (!pipeline.rate_hz || pipeline.deadline || pipeline.offset >= whole) continue;
+      if (pipeline.offset >= scenario_->duration) pipeline.offset %= scenario_->duration / 2;
+    }
+  }
+
   const ModeSetup& setup_;
   Mix mix_;
   std::optional<Scenario> scenario_;
@@ -158,8 +190,9 @@ void forget_joules(Work& work) {
 }
 
 /// What counts, most important first; less is better.
-using Keys = std::array<double, 7>;
-constexpr std::size_t kAim = 4;  ///< The objective's own figure, behind what has to be kept.
+constexpr std::size_t kKeys = 8;
+using Keys = std::array<double, kKeys>;
+constexpr std::size_t kAim = 5;  ///< The objective's own figure, behind what has to be kept.
 
 Keys keys(const TrialResult& of, const Goals& goals) {
   const double missing =
@@ -167,20 +200,22 @@ Keys keys(const TrialResult& of, const Goals& goals) {
   const auto late = static_cast<double>(of.late - of.queued);
   const auto queued = static_cast<double>(of.queued);
   const auto misses = static_cast<double>(of.misses);
+  const auto never = static_cast<double>(of.never_ran);
   const double slowness = of.rate_per_ms > 0 ? 1 / of.rate_per_ms : 1e300;
   switch (goals.objective) {
     case Objective::kEnergy:
-      return {late, queued, misses, missing, of.energy_mj, slowness, of.latency_ms};
+      return {late, queued, misses, never, missing, of.energy_mj, slowness, of.latency_ms};
     case Objective::kLatency:
-      return {late, queued, misses, missing, of.latency_ms, slowness, of.energy_mj};
+      return {late, queued, misses, never, missing, of.latency_ms, slowness, of.energy_mj};
     case Objective::kRate:
       break;
   }
-  return {late, queued, misses, missing, slowness, of.energy_mj, of.latency_ms};
+  return {late, queued, misses, never, missing, slowness, of.energy_mj, of.latency_ms};
 }
 
-bool is_better(const Keys& a, const Keys& b) {
-  for (std::size_t i = 0; i < a.size(); ++i) {
+/// @param counted  So many of them.
+bool is_better(const Keys& a, const Keys& b, std::size_t counted = kKeys) {
+  for (std::size_t i = 0; i < counted; ++i) {
     const double alike = i < kAim ? 0 : kAlike * std::abs(b[i]);
     if (a[i] < b[i] - alike) return true;
     if (a[i] > b[i] + alike) return false;
@@ -203,7 +238,7 @@ class Planning {
       : setup_(setup),
         most_tasks_(most_tasks),
         goals_(goals_of(setup, options, objective)),
-        trial_(setup, kTrialTasks),
+        trial_(setup, kTrial),
         choice_{setup.policy_setup.budget, setup.scenario.in_flight} {}
 
   BudgetChoice run() {
@@ -214,8 +249,8 @@ class Planning {
     fit_queues();
     if (goals_.min_rate_per_ms) spare();
     BudgetPlan several = choice_.plan;
-    // One call at a time may be late where several are not.
-    if (protect(setup_.scenario, choice_.plan) && trial_.run(choice_).misses > best_.misses) {
+    // One call at a time may be late, or too slow, where several are not.
+    if (protect(setup_.scenario, choice_.plan) && falls_behind(trial_.run(choice_))) {
       choice_.plan = std::move(several);
       protect(setup_.scenario, choice_.plan, false);
     }
@@ -252,14 +287,21 @@ class Planning {
     }
   }
 
+  /// By more than one call of each task, which may be under way when a trial ends.
+  [[nodiscard]] bool falls_behind(const TrialResult& result) const {
+    const auto tasks = static_cast<std::int64_t>(choice_.plan.tasks.size());
+    return result.misses > best_.misses || result.late > best_.late ||
+           result.completed + tasks < best_.completed;
+  }
+
   [[nodiscard]] bool may_try() const { return trial_.tasks_run() < most_tasks_; }
 
   [[nodiscard]] bool better(const TrialResult& a, const TrialResult& b) const {
     const auto first = keys(a, goals_);
     const auto second = keys(b, goals_);
     // Small losses do not add up.
-    if (first[kAim] > least_ * (1 + kSlack) && first[0] == second[0] && first[1] == second[1] &&
-        first[2] == second[2] && first[3] >= second[3]) {
+    if (first[kAim] > least_ * (1 + kSlack) && first[kAim - 1] >= second[kAim - 1] &&
+        std::equal(first.begin(), first.begin() + kAim - 1, second.begin())) {
       return false;
     }
     return is_better(first, second);
@@ -426,7 +468,7 @@ bool serves_all(const Scenario& scenario, const Policy& policy) {
 /// no cap and suspend no call between slices.
 std::vector<Candidate> candidates_of(const ModeSetup& setup, const ScheduleOptions& options) {
   std::vector<Candidate> candidates;
-  Trial trial(setup, kCandidateTasks);
+  Trial trial(setup, kJudged);
   const auto add_plan = [&](Objective objective, std::int64_t most_tasks) {
     BudgetChoice choice = Planning(setup, options, objective, most_tasks).run();
     const auto same = std::ranges::find(candidates, choice, &Candidate::choice);
@@ -440,7 +482,7 @@ std::vector<Candidate> candidates_of(const ModeSetup& setup, const ScheduleOptio
     if (objective != objective_of(options)) add_plan(objective, kMostTasksBeside);
   }
   if (options.power_cap_w) return candidates;
-  Trial unsliced(setup, kCandidateTasks, false);
+  Trial unsliced(setup, kJudged, false);
   for (const PolicyInfo* basic : {&policy::edf, &policy::ect}) {
     if (!serves_all(setup.scenario, *basic->make(setup.policy_setup))) continue;
     BudgetChoice choice{candidates.front().choice.plan, setup.scenario.in_flight, basic};
@@ -487,7 +529,9 @@ PlannedBudget plan_budget(const ModeSetup& setup, const ScheduleOptions& options
   auto candidates = candidates_of(setup, options);
   Candidate* best = &candidates.front();
   for (Candidate& each : candidates) {
-    if (is_better(keys(each.result, goals), keys(best->result, goals))) best = &each;
+    // What plans nothing guarantees nothing: the last of the figures is no reason to follow it.
+    const std::size_t counted = each.choice.follows == nullptr ? kKeys : kKeys - 1;
+    if (is_better(keys(each.result, goals), keys(best->result, goals), counted)) best = &each;
   }
   best->result.taken = true;
   PlannedBudget planned{.choice = std::move(best->choice)};

@@ -25,9 +25,10 @@ struct PlannedBudget {
 };
 
 /// Plans for each objective, with frames in flight that nobody gave, and runs these plans, and
-/// modes edf and ect, in virtual time, some thousand tasks each with the mix's jitter and a seed of
-/// its own: what has the fewest late firings of real-time pipelines, then the fewest queued ones,
-/// and of those the best by the objective. So much is tried as takes some tens of milliseconds; the
+/// modes edf and ect, in virtual time, some thousand tasks each, or until the first deadlines have
+/// passed, with the mix's jitter and a seed of its own: what has the fewest late firings of
+/// real-time pipelines, then the fewest queued ones, and of those the best by the objective. So
+/// much is tried as takes some tens of milliseconds, more where the first deadlines are late; the
 /// same inputs give the same.
 /// @param setup  Of mode budget and a mix that does not fire once.
 [[nodiscard]] PlannedBudget plan_budget(const ModeSetup& setup, const ScheduleOptions& options);

@@ -225,7 +225,7 @@ void Dispatcher::put_in_queue(TaskSlot slot, UnitId unit, const UnitsView& shown
   record.state = TaskState::kQueued;
   record.unit = unit;
   units_[unit].queue.insert(tasks_, slot);
-  if (is_urgent(slot)) units_[unit].urgent.insert(tasks_.by_deadline(slot));
+  if (is_urgent(slot)) urgent_with(slot, unit).insert(tasks_.by_deadline(slot));
   queued_ |= unit_bit(unit);
 }
 
@@ -282,7 +282,7 @@ void Dispatcher::start(TaskSlot slot, UnitId unit, Effects& out) {
 void Dispatcher::take_from_queue(TaskSlot slot, UnitId unit) {
   TaskList& queue = units_[unit].queue;
   queue.erase(tasks_, slot);
-  if (is_urgent(slot)) units_[unit].urgent.erase(tasks_.by_deadline(slot));
+  if (is_urgent(slot)) urgent_with(slot, unit).erase(tasks_.by_deadline(slot));
   if (queue.empty()) queued_ &= ~unit_bit(unit);
 }
 

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
@@ -156,9 +157,13 @@ class Dispatcher {
     int slots = 0;
     int running = 0;
     TaskList queue = {};
-    std::set<ByDeadline> urgent = {};      ///< Those there with a deadline; once calls suspend.
+    /// Those there with a deadline, by workload; once calls suspend.
+    std::map<WorkloadId, std::set<ByDeadline>> urgent = {};
     std::vector<TaskSlot> suspended = {};  ///< The innermost last.
   };
+  [[nodiscard]] std::set<ByDeadline>& urgent_with(TaskSlot slot, UnitId unit) {
+    return units_[unit].urgent[waiting_.class_at(slot).kind.workload];
+  }
   struct Template {
     std::vector<std::uint32_t> class_of;  ///< By task; kNone until it was submitted once.
     bool binds = false;                   ///< By states and series.

@@ -10,9 +10,9 @@ namespace pirt {
 void Dispatcher::note_urgent() {
   if (waiting_.slices_end()) return;
   waiting_.note_urgent();
-  for (Unit& unit : units_) {
-    for (TaskSlot slot = unit.queue.front(); slot != kNoSlot; slot = tasks_[slot].next) {
-      if (is_urgent(slot)) unit.urgent.insert(tasks_.by_deadline(slot));
+  for (UnitId unit = 0; unit < units_.size(); ++unit) {
+    for (TaskSlot slot = units_[unit].queue.front(); slot != kNoSlot; slot = tasks_[slot].next) {
+      if (is_urgent(slot)) urgent_with(slot, unit).insert(tasks_.by_deadline(slot));
     }
   }
 }
@@ -49,10 +49,9 @@ bool Dispatcher::let_in(UnitId unit, Nanos before, Effects& out) {
     if (std::ranges::find(suspended, workload_of(slot), workload_of) != suspended.end()) return;
     urgent_.push_back(slot);
   };
-  // Of those in its queue the first that may: no policy is asked for it.
-  for (const auto& [deadline, sequence, slot] : units_[unit].urgent) {
-    consider(slot);
-    if (deadline >= before || !urgent_.empty()) break;
+  // Of each workload in its queue the nearest: no policy is asked for it.
+  for (const auto& [workload, tasks] : units_[unit].urgent) {
+    if (!tasks.empty()) consider(std::get<2>(*tasks.begin()));
   }
   waiting_.visit_nearest_for(unit, consider);
   std::ranges::sort(urgent_, {}, [this](TaskSlot each) { return tasks_.by_deadline(each); });

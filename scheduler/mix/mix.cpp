@@ -431,14 +431,22 @@ Mix parse_mix(const std::string& file, const std::string& text) {
 }
 
 Mix load_mix(const std::string& name) {
-  if (names_a_file(name)) return parse_mix(name, read_text(name));
-  const std::string file = name + std::string(kSuffix);
-  const auto text = find_embedded(mix_files::files(), file);
-  if (!text) {
-    throw_bad_input("unknown mix '" + name + "'" + suggestion(name, shipped_mixes()) +
-                    "; a file is named with a '/' or ends in .yaml");
+  std::string file = name;
+  std::string text;
+  if (names_a_file(name)) {
+    text = read_text(name);
+  } else {
+    file += kSuffix;
+    const auto shipped = find_embedded(mix_files::files(), file);
+    if (!shipped) {
+      throw_bad_input("unknown mix '" + name + "'" + suggestion(name, shipped_mixes()) +
+                      "; a file is named with a '/' or ends in .yaml");
+    }
+    text = *shipped;
   }
-  return parse_mix(file, std::string(*text));
+  Mix mix = parse_mix(file, text);
+  mix.argument = name;
+  return mix;
 }
 
 std::vector<std::string> shipped_mixes() {

@@ -88,6 +88,7 @@ struct MixState {
 
 struct Mix {
   std::string name;
+  std::string argument;  ///< What load_mix was given: the name, or a file. For messages.
   std::string description;
   std::optional<std::int64_t> image_buffers;  ///< Absent = no limit.
   std::vector<Pipeline> pipelines;            ///< In file order; ties in time break by it.

@@ -39,7 +39,7 @@ class BudgetPolicy final : public Policy {
         without_(setup.budget_without),
         plan_(whole_),
         servers_(setup.servers),
-        foresight_(plan_),
+        foresight_(plan_, servers_),
         calls_(plan_.tasks.size(), std::vector<std::int64_t>(setup.servers.size(), 0)),
         holds_(setup.servers.size()) {
     if (plan_.window_j) window_.emplace(*plan_.window_j);

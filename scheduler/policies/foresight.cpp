@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace pirt {
 namespace {
@@ -13,8 +14,9 @@ constexpr int kMostDemands = 1000;
 
 }  // namespace
 
-Foresight::Foresight(const BudgetPlan& plan)
+Foresight::Foresight(const BudgetPlan& plan, std::vector<int> servers)
     : plan_(plan),
+      servers_(std::move(servers)),
       waiting_(plan.tasks.size()),
       is_urgent_(plan.tasks.size(), false),
       streams_(plan.pipelines.size()) {
@@ -103,16 +105,31 @@ std::optional<Nanos> Foresight::coming(std::size_t pipeline, std::size_t place, 
   return std::max(now, nominal(pipeline, number));
 }
 
+/// How many of the task's calls a server of the unit surely serves in the time of one, as where
+/// they are elsewhere for most of it: capacities are rounded up.
+int Foresight::calls_at_once(const BudgetPlan::Task& task, UnitId unit) const {
+  const int calls = std::max(task.capacity[unit], 1) - 1;
+  const int servers = servers_.empty() ? 1 : servers_[unit];
+  return calls / 2 < servers ? 1 : calls / servers;
+}
+
+/// Of a call, the time in which the unit is there for others; a program is loaded on the unit.
+Nanos Foresight::elsewhere(const BudgetPlan::Task& task, UnitId unit) const {
+  const int calls = calls_at_once(task, unit);
+  return calls == 1 ? Nanos::zero() : task.worst[unit] - task.worst[unit] / calls;
+}
+
 /// Of those that wait, and then of firings that come.
-std::optional<Foresight::Demand> Foresight::demand(std::uint32_t entry, std::size_t place,
-                                                   Nanos now) const {
+std::optional<Foresight::Demand> Foresight::demand(std::uint32_t entry, UnitId unit,
+                                                   std::size_t place, Nanos now) const {
   const BudgetPlan::Task& task = plan_.tasks[entry];
+  const Nanos behind = task.behind + elsewhere(task, unit);
   const std::size_t waiting = std::min(waiting_[entry].size(), kLooksAt);
   // That it may have to wait for what it comes after is left out: it would be needed no earlier.
-  if (place < waiting) return Demand{waiting_[entry][place] - task.behind, now, entry, place};
+  if (place < waiting) return Demand{waiting_[entry][place] - behind, now, entry, place};
   const auto at = coming(task.pipeline, place - waiting, now);
   if (!at) return std::nullopt;
-  return Demand{*at + *plan_.pipelines[task.pipeline].deadline - task.behind, *at, entry, place};
+  return Demand{*at + *plan_.pipelines[task.pipeline].deadline - behind, *at, entry, place};
 }
 
 std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos now) {
@@ -122,8 +139,10 @@ std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos
   if (!plan_.pipelines[asking.pipeline].is_periodic()) {
     if (const auto again = breaks_guarantee(asking, unit, now)) return again;
   }
-  const Nanos takes = asking.takes(unit);
-  const Nanos own_end = latest_end(entry);
+  const int at_once = calls_at_once(asking, unit);
+  const Nanos takes = asking.takes(unit) - elsewhere(asking, unit);
+  Nanos own_end = latest_end(entry);
+  if (own_end != Nanos::max()) own_end -= elsewhere(asking, unit);
   const auto later = [](const Demand& a, const Demand& b) { return a.latest_end > b.latest_end; };
   demands_.clear();
   Nanos ask_again = Nanos::max();
@@ -136,14 +155,14 @@ std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos
     }
     // Of its own the most urgent is the one that asks.
     const std::size_t own = each == entry && !waiting_[each].empty() ? 1 : 0;
-    if (const auto first = demand(each, own, now)) demands_.push_back(*first);
+    if (const auto first = demand(each, unit, own, now)) demands_.push_back(*first);
   }
   std::ranges::make_heap(demands_, later);
   // What can be left goes on while nothing more urgent is there, and holds the unit for a slice.
   const bool sliced = asking.can_be_suspended(unit);
-  const Nanos slice = asking.slice_on(unit);
+  const Nanos slice = asking.slice_on(unit) / at_once;
   Nanos free = now;  // Without the task, and behind it, or what it holds the unit for.
-  Nanos free_behind = now + (sliced ? asking.holds(unit) : takes);
+  Nanos free_behind = now + (sliced ? slice + asking.prepare[unit] : takes);
   Nanos ends = now + takes;  // The task, which what is let in puts off.
   Nanos urgent{0};
   bool late = false;
@@ -153,12 +172,12 @@ std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos
     demands_.pop_back();
     if (each.latest_end >= own_end) break;
     if (each.ready >= std::max(ends, free_behind)) continue;  // Nor do later ones meet the task.
-    if (const auto next = demand(each.entry, each.place + 1, now)) {
+    if (const auto next = demand(each.entry, unit, each.place + 1, now)) {
       demands_.push_back(*next);
       std::ranges::push_heap(demands_, later);
     }
     const BudgetPlan::Task& other = plan_.tasks[each.entry];
-    const Nanos needs = other.takes(unit);
+    const Nanos needs = other.takes(unit) - elsewhere(other, unit);
     free = std::max(free, each.ready) + needs;
     // One that comes while the task has the unit waits for the end of a slice; one of the same
     // program, which no call lets in, for that of the task.

@@ -22,8 +22,9 @@ namespace pirt {
 
 class Foresight {
  public:
-  /// @param plan  Must outlive it; in time its tasks may get other units.
-  explicit Foresight(const BudgetPlan& plan);
+  /// @param plan     Must outlive it; in time its tasks may get other units.
+  /// @param servers  By unit; empty = one each.
+  explicit Foresight(const BudgetPlan& plan, std::vector<int> servers = {});
 
   void submitted(const Task& task);
   /// A task of the entry waits again. @param deadline  Of its firing; Nanos::max() = none.
@@ -44,7 +45,7 @@ class Foresight {
  private:
   /// What a task needs of the unit, one firing after the other.
   struct Demand {
-    Nanos latest_end{0};
+    Nanos latest_end{0};  ///< Of its time on the unit.
     Nanos ready{0};
     std::uint32_t entry = 0;
     std::size_t place = 0;  ///< Among those that wait and then those that come.
@@ -60,7 +61,9 @@ class Foresight {
   }
   [[nodiscard]] Nanos nominal(std::size_t pipeline, std::int64_t number) const;
   [[nodiscard]] Nanos missing(std::size_t pipeline) const;
-  [[nodiscard]] std::optional<Demand> demand(std::uint32_t entry, std::size_t place,
+  [[nodiscard]] int calls_at_once(const BudgetPlan::Task& task, UnitId unit) const;
+  [[nodiscard]] Nanos elsewhere(const BudgetPlan::Task& task, UnitId unit) const;
+  [[nodiscard]] std::optional<Demand> demand(std::uint32_t entry, UnitId unit, std::size_t place,
                                              Nanos now) const;
   [[nodiscard]] std::optional<Nanos> breaks_guarantee(const BudgetPlan::Task& asking, UnitId unit,
                                                       Nanos now) const;
@@ -71,6 +74,7 @@ class Foresight {
   static constexpr std::int64_t kEnded = 2;  ///< Firings in a row that did not come.
 
   const BudgetPlan& plan_;
+  std::vector<int> servers_;
   UnitMask up_ = ~UnitMask{0};
   std::vector<std::deque<Nanos>> waiting_;      ///< By entry: deadlines of firings, rising.
   std::vector<bool> is_urgent_;                 ///< By entry: some task of it had a deadline.

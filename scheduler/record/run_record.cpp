@@ -110,10 +110,12 @@ void walk(Fields& fields, Record& record) {
   fields.field("basic", record.basic);
   fields.field("overflow", record.overflow);
   fields.field("platform", record.platform);
+  fields.field("platform_file", record.platform_file);
   fields.field("assumptions", record.assumptions);
   fields.field("profile", record.profile);
   fields.field("draw", record.draw);
   fields.field("mix", record.mix);
+  fields.field("mix_file", record.mix_file);
   fields.field("time", record.time);
   fields.field("set_up_s", record.set_up_s);
   fields.field("first_call_ms", record.first_call_ms);

@@ -126,8 +126,9 @@ struct FigureInterval {
 /// What mode budget might have followed, as it ran in virtual time before.
 struct TriedPlan {
   std::string name;
-  std::int64_t late = 0;  ///< Of real-time firings: dropped and queued ones too.
-  double rate_per_ms = 0, latency_ms = 0, energy_mj = 0;  ///< Of a task, but for the rate.
+  std::int64_t late = 0;                  ///< Of real-time firings: dropped and queued ones too.
+  double rate_per_ms = 0, energy_mj = 0;  ///< Energy of a task.
+  double latency_ms = 0;                  ///< Of a firing, to its end.
   bool taken = false;
   friend bool operator==(const TriedPlan&, const TriedPlan&) = default;
 };
@@ -140,6 +141,8 @@ struct RunRecord {
   std::optional<std::string>
       overflow;  ///< "hold" or "literal", where the algorithm has an overflow.
   std::string platform;
+  /// Where these were read from, by its absolute path; absent = shipped, and in records of before.
+  std::optional<std::string> platform_file, mix_file;
   std::optional<std::string> assumptions;  ///< Of the platform; what modelled energy rests on.
   std::optional<std::string> profile;      ///< Path, if one was used.
   std::optional<std::string> draw;         ///< What its rows took; see Draw.

@@ -1,6 +1,7 @@
 #include "scheduler/record/summary.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <set>
 
 namespace pirt {
@@ -8,6 +9,12 @@ namespace {
 
 std::optional<double> in_ms(const std::optional<Nanos>& time) {
   return time ? std::optional(to_ms(*time)) : std::nullopt;
+}
+
+/// Absent for what is shipped.
+std::optional<std::string> file_of(const std::string& argument) {
+  if (!names_a_file(argument)) return std::nullopt;
+  return std::filesystem::absolute(argument).string();
 }
 
 /// Whether somebody knows what the unit's calls drew, or would draw if it made none.
@@ -186,12 +193,14 @@ RunRecord summarize(const Scenario& run, const Profile* profile, const WeightTab
   const Nanos makespan = tally.end;
   RunRecord record;
   record.platform = run.platform.name;
+  record.platform_file = file_of(run.platform.argument);
   if (!run.platform.assumptions.empty()) record.assumptions = run.platform.assumptions;
   if (profile != nullptr) record.profile = profile->path;
   record.mix = run.mix.name;
+  record.mix_file = file_of(run.mix.argument);
   record.seed = run.seed;
   if (run.mix.open_loop()) {
-    record.duration_s = to_s(run.duration);
+    record.duration_s = to_s(tally.end);  // earlier than asked for where the run was stopped
     record.drain_s = to_s(std::max(Nanos::zero(), tally.last_completion - tally.end));
   }
   const int in_flight = std::ranges::max(run.in_flight);

@@ -79,8 +79,10 @@ Task Runtime::Engine::dispatched(const Submitted& task) {
   submitted.kind.eligible = willing != 0 ? willing : task.eligible;
   submitted.kind.real_time = task.options.real_time;
   submitted.kind.image_input = task.options.image_input.value_or(known.takes_image);
-  if (task.options.deadline) submitted.deadline = later_by(now, *task.options.deadline);
-  if (task.options.expires) submitted.expires_at = later_by(now, *task.options.expires);
+  // Not before the begin, of which a trace knows nothing: it is over by now either way.
+  const auto at = [now](Nanos after) { return std::max(Nanos::zero(), later_by(now, after)); };
+  if (task.options.deadline) submitted.deadline = at(*task.options.deadline);
+  if (task.options.expires) submitted.expires_at = at(*task.options.expires);
   if (submitted.deadline && known.lead && !submitted.kind.real_time) {
     submitted.recall = known.lead->recall(*submitted.deadline);
   }

@@ -314,12 +314,14 @@ KernelUnit::Prepared& KernelUnit::prepare(Lane& lane, const Preparation& prepara
   return lane.kernels.emplace(&workload, std::move(made)).first->second;
 }
 
-/// Some compile at the first run.
+/// Some compile at the first run. Its outputs are where those of later calls are: a device's memory
+/// is there by then.
 void KernelUnit::run_once(Lane& lane, const Preparation& preparation, Prepared& prepared) {
   const Workload& workload = *preparation.workload;
   Call first{.workload = &workload,
              .inputs = {},
-             .outputs = std::make_shared<std::vector<Tensor>>(make_tensors(workload.outputs)),
+             .outputs = std::make_shared<std::vector<Tensor>>(
+                 make_tensors(workload.outputs, output_memory_.get())),
              .state = workload.state ? std::make_shared<StateValue>(workload) : nullptr,
              .intended = Outcome::kFailed};
   for (const Tensor& input : preparation.sample->inputs) first.inputs.push_back(input.share());

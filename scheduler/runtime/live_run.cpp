@@ -20,6 +20,8 @@ namespace {
 constexpr std::size_t kMostCalls = 4096;
 /// How often calls are looked at that may run too long, and whether the run shall stop.
 constexpr Nanos kLook = std::chrono::milliseconds(50);
+/// What units' threads get at a time where paced units are never caught up with.
+constexpr Nanos kGivesWay = std::chrono::microseconds(100);
 
 /// Every stride-th of the calls; where that is too many, every second of them from then on.
 class KeptCalls {
@@ -214,13 +216,25 @@ class LiveRun final : public Executor, private LiveDriver {
         look = now() + kLook;
       } else if (next <= now()) {
         time_.advance(now());
+        if (telling_ > 0 && time_.next() <= now()) wait_until(lock, now() + kGivesWay);
       } else if (next != Nanos::max() || computing_ > 0 || waits_for_reach()) {
-        const Nanos until = std::min(next, look);
-        changed_.wait_until(lock, std::chrono::steady_clock::time_point(start_ + until));
+        wait_until(lock, std::min(next, look));
       } else {
         return;
       }
     }
+  }
+
+  void wait_until(std::unique_lock<runtime::Mutex>& lock, Nanos until) {
+    changed_.wait_until(lock, std::chrono::steady_clock::time_point(start_ + until));
+  }
+
+  /// The mutex, for a unit's thread that tells of its call.
+  [[nodiscard]] std::unique_lock<runtime::Mutex> turn_to_tell() {
+    ++telling_;
+    std::unique_lock lock(mutex_);
+    --telling_;
+    return lock;
   }
 
   /// Takes units out of service whose call does not end, and hears of signals.
@@ -264,7 +278,7 @@ class LiveRun final : public Executor, private LiveDriver {
   }
 
   void slice_ended(UnitId unit, Call& call) override {
-    const std::lock_guard lock(mutex_);
+    const auto lock = turn_to_tell();
     if (closing_) return units_.go_on(unit);
     const Nanos next = time_.next();
     const bool goes_on = time_.slice_ended(static_cast<JobIndex>(call.token), now());
@@ -278,7 +292,7 @@ class LiveRun final : public Executor, private LiveDriver {
   }
 
   void ended(UnitId unit, Call& call, CallEnd& end) override {
-    const std::lock_guard lock(mutex_);
+    const auto lock = turn_to_tell();
     const auto job = static_cast<JobIndex>(call.token);
     const Firings::TaskPlace place = time_.firings().place(job);
     if (!end.problem.empty()) problems_.add(end.problem);
@@ -309,7 +323,8 @@ class LiveRun final : public Executor, private LiveDriver {
   runtime::LiveClock clock_;
   Nanos start_{0};
 
-  runtime::Mutex mutex_;  ///< Guards what follows, once units_ have calls.
+  runtime::Atomic<int> telling_ = 0;  ///< Threads that wait for the mutex to tell of a call.
+  runtime::Mutex mutex_;              ///< Guards what follows, once units_ have calls.
   runtime::Condition changed_;
   Samples samples_;
   std::vector<std::unique_ptr<Call>> calls_;     ///< By job.

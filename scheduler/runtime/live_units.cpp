@@ -6,6 +6,7 @@
 #include "characterize/platform/unit_request.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
+#include "workloads/base/time.h"
 
 namespace pirt {
 namespace {
@@ -131,7 +132,7 @@ void LiveUnits::fill(UnitId unit, Call& call, const Workload& workload,
   if (state) call.state = states_[*state];
   call.unwanted.store(false, std::memory_order_relaxed);
   call.wanted_until.reset();
-  if (recall && contains(recall->from, unit)) call.wanted_until = began + recall->at;
+  if (recall && contains(recall->from, unit)) call.wanted_until = later_by(began, recall->at);
 }
 
 void LiveUnits::look_for_hung(Nanos due) {

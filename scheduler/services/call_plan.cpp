@@ -135,16 +135,18 @@ void add_wait(const Scenario& scenario, std::size_t pipeline, const TaskPlan& ta
   wait.for_data = true;
 }
 
+bool is_worst(Taken taken) { return taken == Taken::kUsualWorst || taken == Taken::kWorst; }
+
 }  // namespace
 
 Nanos CallStep::before_scale(Taken taken) const {
   const bool certain = taken == Taken::kLeast || taken == Taken::kMean;
   if (prepares && certain) return Nanos::zero();
   if (taken == Taken::kMean) return time.mean();
-  if (taken == Taken::kWorst && conditions != nullptr) {
-    return pirt::scaled(std::max(usual, conditions->usual_worst), conditions->slowest_beside());
+  if (is_worst(taken)) {
+    if (taken == Taken::kUsualWorst || conditions == nullptr) return usual;
+    return pirt::scaled(std::max(usual, conditions->usual_worst), beside);
   }
-  if (taken == Taken::kUsualWorst || taken == Taken::kWorst) return usual;
   Nanos least = time.low;
   Nanos most = std::max(time.high, usual);
   if (conditions != nullptr) {
@@ -165,8 +167,7 @@ Nanos CallStep::takes(Taken taken) const {
 }
 
 Nanos CallPlan::takes(Taken taken) const {
-  const bool usual = taken == Taken::kUsualWorst || taken == Taken::kWorst;
-  Nanos sum = usual ? handover + leave : Nanos::zero();
+  Nanos sum = is_worst(taken) ? handover + leave : Nanos::zero();
   for (const CallStep& step : steps) sum += step.takes(taken);
   return sum;
 }

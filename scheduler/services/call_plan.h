@@ -21,7 +21,7 @@ enum class Taken : std::uint8_t {
   kLeast,       ///< Bounds, which stay below every run.
   kMean,        ///< Planners and policies. As the one before, its unit holds its program.
   kUsualWorst,  ///< Guarantees and foresight: p95, data on its way and a program to load.
-  kWorst,       ///< Recall: the same with cold caches and beside others.
+  kWorst,       ///< Recall: the same with cold caches and beside all neighbours.
   kHighest,     ///< A cap of power: no call takes longer than this.
 };
 

@@ -8,23 +8,8 @@
 namespace pirt {
 namespace {
 
-/// @param row  Has samples.
-template <typename Row>
-Distribution drawn(const Row& row, Draw draw) {
-  if (draw == Draw::kSamples) return Distribution::of(row.values);
-  return Distribution::constant(draw == Draw::kP95 ? row.p95.value_or(*row.median) : *row.median);
-}
-
 const PhaseRow* usable(const PhaseRow* row, bool strict) {
   return row != nullptr && is_used(*row, strict) && row->median ? row : nullptr;
-}
-
-/// Of a row with samples, what 95 of 100 calls do not exceed; of a doubted one, no less than where
-/// the median may be.
-template <typename Row>
-Nanos worst_of(const Row& row) {
-  const Nanos usual = row.p95.value_or(*row.median);
-  return is_doubted(row) ? std::max(usual, row.ci_high.value_or(usual)) : usual;
 }
 
 /// Which limit its roofline has: the time of its bytes from memory against that of its operations.
@@ -66,9 +51,19 @@ std::int64_t fact_of(const Profile& profile, const std::string& unit, std::strin
 
 }  // namespace
 
-Nanos usual_worst_of(const PhaseRow& row) { return worst_of(row); }
+template <typename Row>
+Nanos usual_worst_of(const Row& row) {
+  const Nanos usual = row.p95.value_or(*row.median);
+  return is_doubted(row) ? std::max(usual, row.ci_high.value_or(usual)) : usual;
+}
+template Nanos usual_worst_of(const PhaseRow& row);
 
-Distribution time_of(const PhaseRow& row, Draw draw) { return drawn(row, draw); }
+template <typename Row>
+Distribution time_of(const Row& row, Draw draw) {
+  if (draw == Draw::kSamples) return Distribution::of(row.values);
+  return Distribution::constant(draw == Draw::kP95 ? row.p95.value_or(*row.median) : *row.median);
+}
+template Distribution time_of(const PhaseRow& row, Draw draw);
 
 std::optional<CallConditions> call_conditions(const Profile& profile, const std::string& workload,
                                               const std::string& unit, std::int64_t bytes,
@@ -90,7 +85,7 @@ std::optional<CallConditions> call_conditions(const Profile& profile, const std:
   const auto drawn_of = [&](Condition condition) -> std::optional<Distribution> {
     const PhaseRow* row = find(condition);
     if (row == nullptr) return std::nullopt;
-    found.usual_worst = std::max(found.usual_worst, worst_of(*row));
+    found.usual_worst = std::max(found.usual_worst, usual_worst_of(*row));
     return time_of(*row, draw);
   };
   found.cold_cache = drawn_of(Condition::kColdCache);
@@ -110,12 +105,12 @@ UnitConditions unit_conditions(const Profile& profile, const UnitModel& unit, Dr
   for (const UnitTimeRow& row : profile.unit_times) {
     if (row.unit != unit.name || !is_used(row, strict) || !row.median) continue;
     if (row.phase == UnitPhase::kHandover) {
-      if (found.handovers.empty() && !found.leave) found.longest_leave = worst_of(row);
-      found.handovers.push_back({row.sleep, drawn(row, draw)});
-      found.longest_handover = std::max(found.longest_handover, worst_of(row));
+      if (found.handovers.empty() && !found.leave) found.longest_leave = usual_worst_of(row);
+      found.handovers.push_back({row.sleep, time_of(row, draw)});
+      found.longest_handover = std::max(found.longest_handover, usual_worst_of(row));
     } else if (row.phase == UnitPhase::kLeave) {
-      found.leave = drawn(row, draw);
-      found.longest_leave = worst_of(row);
+      found.leave = time_of(row, draw);
+      found.longest_leave = usual_worst_of(row);
     } else if (row.phase == UnitPhase::kReread) {
       rereads.push_back(&row);
     } else if (row.phase == UnitPhase::kRereadCold) {

@@ -55,11 +55,13 @@ struct UnitConditions {
 
 /// Of a row with samples, what 95 of 100 calls do not exceed; of a doubted one, no less than where
 /// its median may be.
-[[nodiscard]] Nanos usual_worst_of(const PhaseRow& row);
+template <typename Row>
+[[nodiscard]] Nanos usual_worst_of(const Row& row);
 
 /// A row as --draw says.
 /// @param row  Has samples.
-[[nodiscard]] Distribution time_of(const PhaseRow& row, Draw draw);
+template <typename Row>
+[[nodiscard]] Distribution time_of(const Row& row, Draw draw);
 
 /// @param strict  As ScheduleOptions::strict.
 /// @return  Absent where the profile has no row of another condition, and where `execute` has no

@@ -35,10 +35,11 @@ std::vector<std::optional<RecallLead>> recall_leads(const Scenario& scenario,
   for (std::size_t t = tasks.size(); t-- > 0;) {
     const TaskClass& kind = scenario.classes[pipeline][t];
     const UnitMask here = kind.eligible & ~cloud;
+    const UnitMask where = here != 0 ? here : kind.eligible;
     Nanos slowest{0};
     Nanos handover{0};
     for (UnitId unit = 0; unit < plans[t].calls.size(); ++unit) {
-      if (!contains(here, unit)) continue;
+      if (!contains(where, unit)) continue;
       slowest = std::max(slowest, plans[t].calls[unit].takes(Taken::kWorst));
       handover = std::max(handover, plans[t].calls[unit].handover);
     }

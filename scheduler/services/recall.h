@@ -24,10 +24,10 @@ struct RecallLead {
 [[nodiscard]] bool may_return(const Scenario& scenario, CloudUse cloud_use);
 
 /// By task of the pipeline: what taking it back takes, and what it and the longest way from it to
-/// the end take on the robot's own units, on the slowest that may serve each, since nobody knows
-/// which will. Each when it takes long: handed to a unit that slept, with cold caches, beside
-/// others, and let in by another where calls are suspended, as far as the profile knows of that
-/// (p95). Absent for a task that no cloud may serve, or nobody else.
+/// the end take on the robot's own units, where one may serve it, on the slowest that may, since
+/// nobody knows which will. Each when it takes long: handed to a unit that slept, with cold caches,
+/// beside others, and let in by another where calls are suspended, as far as the profile knows of
+/// that (p95). Absent for a task that no cloud may serve, or nobody else.
 [[nodiscard]] std::vector<std::optional<RecallLead>> recall_leads(const Scenario& scenario,
                                                                   std::size_t pipeline);
 

@@ -66,19 +66,21 @@ void redraw(const Platform& platform, const Redraw& how, ServiceTable& services)
     for (WorkloadId workload = 0; workload < services.entries.size(); ++workload) {
       auto& service = services.entries[workload][unit].service;
       if (!service || !service->of_rows) continue;
-      const double own =
-          factor(service->spread, drawn(services.workloads[workload] + " on " + name));
+      const std::string cell = services.workloads[workload] + " on " + name;
+      const double own = factor(service->spread, drawn(cell));
       lengthen(own * (service->taken > 0 && !ends ? common : 1), *service);
+      if (service->metered_j) *service->metered_j *= factor(service->joules, drawn("J of " + cell));
     }
   }
 }
 
 bool is_uncertain(const ServiceTable& services) {
   constexpr double kAlike = 1e-3;
-  return std::ranges::any_of(services.entries, [](const std::vector<ServiceEntry>& row) {
-    return std::ranges::any_of(row, [](const ServiceEntry& entry) {
+  const auto wide = [](const Service::Spread& spread) { return spread.high - spread.low > kAlike; };
+  return std::ranges::any_of(services.entries, [&](const std::vector<ServiceEntry>& row) {
+    return std::ranges::any_of(row, [&](const ServiceEntry& entry) {
       return entry.service && entry.service->of_rows &&
-             entry.service->spread.high - entry.service->spread.low > kAlike;
+             (wide(entry.service->spread) || wide(entry.service->joules));
     });
   });
 }

@@ -2,9 +2,9 @@
 // it.
 //
 // One factor a cell, for all phases and conditions of it, drawn so that its 95 % interval is the
-// row's own; where other programs took the cores, one a unit more, common to its rows, since they
-// took them from all of these. No bootstrap of the samples: of 2 to 4 processes it covers too
-// little (characterize/statistics/statistics.h).
+// row's own, and one for the joules that a meter showed, likewise; where other programs took the
+// cores, one a unit more, common to its rows, since they took them from all of these. No bootstrap
+// of the samples: of 2 to 4 processes it covers too little (characterize/statistics/statistics.h).
 #pragma once
 
 #include "scheduler/services/services.h"

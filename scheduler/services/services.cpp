@@ -101,6 +101,11 @@ std::optional<Service::Spread> spread_of(const PhaseRow& row) {
                          to_s(*row.ci_high) / to_s(*row.median)};
 }
 
+Service::Spread spread_of(const EnergyRow& row) {
+  if (!row.ci_low_j || !row.ci_high_j || *row.energy_j <= 0) return {};
+  return {*row.ci_low_j / *row.energy_j, *row.ci_high_j / *row.energy_j};
+}
+
 /// Of fewer than 3 processes: the widest of the unit's.
 Service::Spread widest_spread(const Profile& profile, const std::string& unit) {
   Service::Spread widest;
@@ -171,6 +176,7 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
   if (energy != nullptr && energy->energy_j && energy->provenance == Provenance::kMeasured) {
     if (is_used(*energy, cell.options.strict)) {
       service.metered_j = *energy->energy_j;
+      service.joules = spread_of(*energy);
       service.energy_provenance = Provenance::kMeasured;
     } else {
       warnings.push_back(where + ": its metered energy is not used (" +
@@ -354,6 +360,30 @@ void warn_of_power(const Platform& platform, const Profile* profile,
   }
 }
 
+/// What is used all the same, once for all.
+void warn_of_uncertain_joules(const Platform& platform, const Profile& profile,
+                              ServiceTable& table) {
+  int figures = 0;
+  std::set<std::string> words, units;
+  for (WorkloadId workload = 0; workload < table.workloads.size(); ++workload) {
+    for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+      const Service* service = table.find(workload, unit);
+      if (service == nullptr || !service->metered_j) continue;
+      const std::string& name = platform.units[unit].name;
+      const EnergyRow* row = profile.find_energy(table.workloads[workload], name);
+      if (row == nullptr || !is_doubted(*row)) continue;
+      ++figures;
+      units.insert(name);
+      for (const std::string& doubt : row->doubts) words.insert(doubt.substr(0, doubt.find(':')));
+    }
+  }
+  if (figures == 0) return;
+  table.warnings.push_back(
+      fmt::format("{} figures of metered energy are uncertain ({}), and used as they are: of {}",
+                  figures, join(std::vector(words.begin(), words.end()), ", "),
+                  join(std::vector(units.begin(), units.end()), ", ")));
+}
+
 /// What --strict refuses beside calls shows nowhere: without it there is just no such effect.
 void warn_of_refused(const Platform& platform, const Profile& profile,
                      const std::vector<std::string>& workloads,
@@ -419,6 +449,7 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
           service.metered_j || states_power(platform, platform.units[unit], profile);
     }
   }
+  if (profile != nullptr) warn_of_uncertain_joules(platform, *profile, table);
   return table;
 }
 

@@ -51,6 +51,7 @@ struct Service {
     double low = 1, high = 1;
   };
   Spread spread = {};
+  Spread joules = {};                    ///< The same of metered_j, as parts of it.
   std::vector<std::string> doubts = {};  ///< Of its rows, each once (judgement.h).
   double taken = 0;  ///< The share of a call's time that others had its cores when it was measured.
   bool wild = false;  ///< PhaseRow::is_wild of one of its rows.

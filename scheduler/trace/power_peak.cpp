@@ -38,7 +38,8 @@ void PowerPeak::settled(Nanos now, std::span<const int> /*waiting*/) {
     const Nanos since = changes_.back().at;
     for (const Change& change : changes_) {
       const Nanos end = change.at + kPowerWindow;
-      if (end > since && end < now) consider(end);
+      if (end >= now) break;
+      if (end > since) consider(end);
     }
     consider(now);
   }

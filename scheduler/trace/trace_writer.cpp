@@ -15,8 +15,6 @@ std::string us(Nanos time) {
   return fmt::format("{}.{:03}", time.count() / 1000, time.count() % 1000);
 }
 
-std::string quoted(const std::string& text) { return json_text(text); }
-
 Json header_of(const Scenario& run, const DispatcherSetup& setup, const std::string& time) {
   auto header = to_json(setup);
   header["platform"] = run.platform.name;
@@ -39,13 +37,13 @@ TraceWriter::TraceWriter(const std::filesystem::path& path, const Scenario& run,
       free_lanes_(run.platform.units.size()),
       lanes_(run.platform.units.size(), 0) {
   for (const auto& unit : run.platform.units) {
-    power_.keys.push_back(quoted(unit.name));
-    depth_.keys.push_back(quoted(unit.name));
+    power_.keys.push_back(json_text(unit.name));
+    depth_.keys.push_back(json_text(unit.name));
   }
   for (const auto& [name, link] : run.platform.links) {
-    power_.keys.push_back(quoted("link " + name));
+    power_.keys.push_back(json_text("link " + name));
   }
-  depth_.keys.push_back(quoted("in no queue"));
+  depth_.keys.push_back(json_text("in no queue"));
   name_tracks(setup.mode->name);
   settled(Nanos::zero(), std::vector<int>(depth_.keys.size(), 0));
 }
@@ -53,7 +51,7 @@ TraceWriter::TraceWriter(const std::filesystem::path& path, const Scenario& run,
 void TraceWriter::name_tracks(std::string_view mode) {
   const auto name = [&](std::size_t pid, const std::string& text) {
     file_.event(fmt::format(R"({{"name":"process_name","ph":"M","pid":{},"args":{{"name":{}}}}})",
-                            pid, quoted(text)));
+                            pid, json_text(text)));
     file_.event(fmt::format(
         R"({{"name":"process_sort_index","ph":"M","pid":{},"args":{{"sort_index":{}}}}})", pid,
         pid));
@@ -149,7 +147,7 @@ void TraceWriter::end_slice(TaskId task, Outcome outcome, Nanos now) {
   const MixTask& definition = pipeline.tasks[track.position];
   file_.event(fmt::format(
       R"({{"name":{},"cat":{},"ph":"X","pid":{},"tid":{},"ts":{},"dur":{},"args":{{"task":{},"firing":{},"waited_us":{},"outcome":"{}"}}}})",
-      quoted(pipeline.name + "." + definition.name), quoted(definition.workload),
+      json_text(pipeline.name + "." + definition.name), json_text(definition.workload),
       process(track.slot.unit), track.slot.lane, us(track.started_at), us(now - track.started_at),
       task, track.firing, us(track.started_at - track.ready_at), word(outcome)));
   free_lanes_[track.slot.unit].insert(track.slot.lane);
@@ -168,7 +166,7 @@ void TraceWriter::preparing(TaskId task, Nanos now, Nanos takes) {
   const MixTask& definition = run_.mix.pipelines[track.pipeline].tasks[track.position];
   file_.event(fmt::format(
       R"({{"name":"prepare","cat":{},"ph":"X","pid":{},"tid":{},"ts":{},"dur":{},"args":{{"task":{}}}}})",
-      quoted(definition.workload), process(track.slot.unit), track.slot.lane, us(now), us(takes),
+      json_text(definition.workload), process(track.slot.unit), track.slot.lane, us(now), us(takes),
       task));
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace pirt {
 namespace {
@@ -68,7 +69,18 @@ std::int64_t CallEffects::touched_beside(UnitId id) const {
   return bytes;
 }
 
+/// The last call that began there has touched what it does: where the next one begins before its
+/// task has ended, that one finds the caches so.
+void CallEffects::note_touched(UnitId id, Nanos now) {
+  Unit& unit = units_[id];
+  const CallConditions* const its = unit.executing.conditions;
+  if (std::exchange(unit.noted, true) || its == nullptr) return;
+  unit.touched += its->bytes;
+  unit.last[unit.executing.workload] = Touched{now, unit.touched, touched_beside(id)};
+}
+
 Nanos CallEffects::executes(const Execution& execution, Nanos now, std::uint64_t random) {
+  note_touched(execution.unit, now);
   const UnitConditions& known = scenario_.services.units[execution.unit];
   const Unit& unit = units_[execution.unit];
   // Which part of the unit's own caches, and of the last, holds nothing of the workload's any more.
@@ -84,7 +96,7 @@ Nanos CallEffects::executes(const Execution& execution, Nanos now, std::uint64_t
   }
   Nanos takes = execution.steady;
   const auto towards = [&](const std::optional<Distribution>& row, double part) {
-    if (row && part > 0) takes += scaled(row->draw(random) - takes, part);
+    if (row && part > 0) takes += scaled(scaled(row->draw(random), execution.scale) - takes, part);
   };
   towards(execution.conditions->cold_cache, own);
   towards(execution.conditions->cold_memory, last);
@@ -117,6 +129,7 @@ void CallEffects::run(const Execution& execution, Nanos alone, Nanos now) {
     slowed_.push_back({other.executing.job, id, by});
   }
   unit.executing = execution;
+  unit.noted = false;
   unit.ends = now + alone + more;
   unit.stretch = alone > Nanos::zero() ? to_s(alone + more) / to_s(alone) : 1;
   unit.room = most - more;
@@ -147,14 +160,12 @@ CallEffects::Resumed CallEffects::resume(UnitId id, const Rest& rest, Nanos now,
   return {.passes = passes, .part = part};
 }
 
-void CallEffects::ended(UnitId id, WorkloadId workload, JobIndex job, Nanos now) {
+void CallEffects::ended(UnitId id, JobIndex job, Nanos now) {
   Unit& unit = units_[id];
   if (--unit.tasks == 0) unit.idle_since = now;
-  const auto& conditions = scenario_.services.find(workload, id)->conditions;
-  if (conditions) unit.touched += conditions->bytes;
-  unit.last[workload] = Touched{now, unit.touched, touched_beside(id)};
-  // The next one may have begun by now.
-  if (unit.executing.job == job) unit.ends = std::min(unit.ends, now);
+  if (unit.executing.job != job) return;  // The next one has begun, or nothing is known of this.
+  note_touched(id, now);
+  unit.ends = std::min(unit.ends, now);
 }
 
 }  // namespace pirt

@@ -29,8 +29,9 @@ class CallEffects {
     JobIndex job = 0;
     UnitId unit = 0;
     WorkloadId workload = 0;
-    Nanos steady{0};  ///< What it takes with steady caches.
+    Nanos steady{0};  ///< What it takes with steady caches, stretched by `scale`.
     const CallConditions* conditions = nullptr;
+    double scale = 1;  ///< Of the stage, by which its cold rows are stretched as well.
   };
   /// Another call that it slows.
   struct Slowed {
@@ -61,10 +62,11 @@ class CallEffects {
   [[nodiscard]] const std::vector<Slowed>& slowed() const { return slowed_; }
 
   /// The task has ended on the unit.
-  void ended(UnitId unit, WorkloadId workload, JobIndex job, Nanos now);
+  void ended(UnitId unit, JobIndex job, Nanos now);
 
  private:
-  /// When a workload's last call on a unit had ended, and the bytes that had been touched by then.
+  /// When a workload's last call on a unit had executed, and the bytes that had been touched by
+  /// then.
   struct Touched {
     Nanos at{0};
     std::int64_t by_unit = 0;
@@ -78,9 +80,11 @@ class CallEffects {
     Execution executing;                       ///< The last that began,
     Nanos ends{0};                             ///< when it does,
     double stretch = 1;                        ///< how many times as long others made the rest,
-    Nanos room{0};                             ///< and by how much others may still slow it.
+    Nanos room{0};                             ///< by how much others may still slow it,
+    bool noted = true;                         ///< and whether what it touched is counted.
   };
   void run(const Execution& execution, Nanos alone, Nanos now);
+  void note_touched(UnitId id, Nanos now);
   [[nodiscard]] std::int64_t touched_beside(UnitId id) const;
 
   const Scenario& scenario_;

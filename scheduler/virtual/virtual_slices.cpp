@@ -32,7 +32,7 @@ void VirtualTime::suspend(JobIndex index) {
   Job& job = jobs_[index];
   job.suspended = true;
   job.suspended_at = now_;
-  if (job.computing) {
+  if (is_computed(job)) {
     tell(&RunObserver::departed, job.unit, index);
   } else if (call_effects_.any()) {
     job.effects = step_of(job).conditions != nullptr ? call_effects_.suspend(job.unit, now_)
@@ -45,7 +45,7 @@ void VirtualTime::go_on(JobIndex index) {
   Job& job = jobs_[index];
   const bool was_suspended = std::exchange(job.suspended, false);
   if (was_suspended) job.paused += now_ - job.suspended_at;
-  if (job.computing) {
+  if (is_computed(job)) {
     note_arrival(index);
     return executor_->resume(index, job.unit);
   }
@@ -80,7 +80,7 @@ void VirtualTime::cut(Job& job, const CallStep& step, Nanos passes) const {
 void VirtualTime::take_back(const Recalled& recalled) {
   const JobIndex index = Firings::job_of(recalled.task);
   Job& job = jobs_[index];
-  if (job.computing) return executor_->recall(index, recalled.unit);
+  if (is_computed(job)) return executor_->recall(index, recalled.unit);
   const CallStep& step = step_of(job);
   if (job.suspended) {
     job.paused += now_ - job.suspended_at;

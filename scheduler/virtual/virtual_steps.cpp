@@ -104,8 +104,8 @@ double VirtualTime::power_w(const Job& job, const CallStep& step) const {
 void VirtualTime::add_effects(JobIndex index, const CallStep& step) {
   Job& job = jobs_[index];
   if (step.conditions == nullptr) return;
-  const CallEffects::Execution execution{index, job.unit, workload_of(job), job.takes,
-                                         step.conditions};
+  const CallEffects::Execution execution{index,     job.unit,        workload_of(job),
+                                         job.takes, step.conditions, step.scale};
   const Nanos longer = call_effects_.executes(execution, now_, hash_u64(random(index), 2));
   job.powered += scaled(longer - job.takes, step.energy_scale / step.scale);
   job.takes = longer + std::exchange(job.handover, Nanos::zero());

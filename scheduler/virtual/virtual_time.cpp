@@ -30,6 +30,7 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher,
       call_effects_(scenario) {
   const std::size_t units = scenario.platform.units.size();
   tally_.units.resize(units);
+  computing_.resize(units);
   tally_.calls.assign(scenario.services.workloads.size(), std::vector<Histogram>(units));
   Servers::Begins begins_job;
   if (call_effects_.any()) {
@@ -108,12 +109,15 @@ void VirtualTime::close_books(Nanos end) {
     const Nanos passed = job.takes - (timer.moment.time - end);
     tally.units[job.unit].own_j += job.own_w * to_s(std::max(passed, Nanos::zero()));
   }
-  for (const Job& job : jobs_) {
-    if (!job.computing || job.started_at >= end) continue;
-    const Nanos busy =
-        (job.suspended ? std::min(job.suspended_at, end) : end) - job.started_at - job.paused;
-    const bool draws = draws_in(scenario_.platform.units[job.unit], Phase::kExecute);
-    charge_computed(tally, job, busy, draws ? busy : Nanos::zero(), part_served(job, busy));
+  for (const auto& of_unit : computing_) {
+    for (const JobIndex index : of_unit) {
+      const Job& job = jobs_[index];
+      if (job.waits || job.started_at >= end) continue;
+      const Nanos busy =
+          (job.suspended ? std::min(job.suspended_at, end) : end) - job.started_at - job.paused;
+      const bool draws = draws_in(scenario_.platform.units[job.unit], Phase::kExecute);
+      charge_computed(tally, job, busy, draws ? busy : Nanos::zero(), false);
+    }
   }
   tally.end = end;
   tally.tasks = dispatcher_.counts();
@@ -234,9 +238,18 @@ void VirtualTime::catch_up(Nanos now) {
 void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
   catch_up(now);
   Job& job = jobs_[index];
-  job.computing = false;
+  std::vector<JobIndex>& there = computing_[job.unit];
+  std::erase(there, index);
+  if (!job.waits) {  // The unit begins with the next one.
+    const auto next =
+        std::ranges::find_if(there, [this](JobIndex each) { return jobs_[each].waits; });
+    if (next != there.end()) {
+      jobs_[*next].waits = false;
+      jobs_[*next].started_at = now_;
+    }
+  }
   charge_computed(tally_, job, end.busy, end.powered.value_or(end.busy),
-                  end.outcome == Outcome::kCompleted ? 1 : part_served(job, end.busy));
+                  end.outcome == Outcome::kCompleted);
   if (end.preparing) {
     tally_.units[job.unit].preparing += *end.preparing;
     prepared(job, job.started_at, *end.preparing);
@@ -316,14 +329,17 @@ void VirtualTime::apply_starts() {
     job.preparing = Nanos::zero();
     job.suspended = false;
     job.paused = job.rest = Nanos::zero();
-    if (!contains(computed_, start.unit)) {
+    if (!is_computed(job)) {
       job.handover = call_effects_.any()
                          ? call_effects_.handed_over(start.unit, now_, hash_u64(random(index), 1))
                          : Nanos::zero();
       begin_step(index);
       continue;
     }
-    job.computing = true;
+    // What is let in begins in the place of what is suspended.
+    const auto servers = static_cast<std::size_t>(scenario_.platform.units[start.unit].servers);
+    job.waits = !start.let_in && computing_[start.unit].size() >= servers;
+    computing_[start.unit].push_back(index);
     note_arrival(index);
     executor_->start(index, start.unit, start.let_in);
   }
@@ -331,10 +347,10 @@ void VirtualTime::apply_starts() {
   for (const Ended& ended : effects_.ended) {
     release(firings_.end_task(Firings::job_of(ended.task), ended.how, now_));
   }
-  std::swap(recalled_, effects_.recalled);
+  const auto recalled = std::exchange(effects_.recalled, {});
   effects_.clear();
-  if (recalled_.empty()) return;
-  for (const Recalled& each : std::exchange(recalled_, {})) take_back(each);
+  if (recalled.empty()) return;
+  for (const Recalled& each : recalled) take_back(each);
   apply_starts();  // What goes on in its place.
 }
 
@@ -432,14 +448,16 @@ void VirtualTime::charge_served(Tally& tally, const Job& job, Nanos remaining) c
 }
 
 /// A call that is computed has occupied its unit, and drawn its active_w for part of that.
-/// @param own_part  Of its own joules, the part that was served.
+/// @param complete  Otherwise of its own joules the part counts that was served.
 void VirtualTime::charge_computed(Tally& tally, const Job& job, Nanos busy, Nanos powered,
-                                  double own_part) const {
+                                  bool complete) const {
   UnitTally& unit = tally.units[job.unit];
   const Service& service = service_of(job);
+  const Nanos expected = plans_[job.plan].calls[job.unit].takes(Taken::kMean);
+  const double part = complete || busy >= expected ? 1 : to_s(busy) / to_s(expected);
   unit.busy += busy;
   if (!service.metered_j) unit.powered += powered;
-  unit.own_j += own_part * service.fixed_j();
+  unit.own_j += part * service.fixed_j();
 }
 
 /// Of the job's delay so much has passed, and no more of it will.
@@ -448,12 +466,6 @@ void VirtualTime::charge_delay(JobIndex index, Nanos passed) {
   if (job.own_w == 0) return;
   tally_.units[job.unit].own_j += job.own_w * to_s(passed);
   tell(&RunObserver::drawing, job.unit, -job.own_w);
-}
-
-/// Of a computed call's own joules, if it is not complete.
-double VirtualTime::part_served(const Job& job, Nanos busy) const {
-  const Nanos expected = plans_[job.plan].calls[job.unit].takes(Taken::kMean);
-  return busy < expected ? to_s(busy) / to_s(expected) : 1;
 }
 
 /// Whether the step prepares what its unit holds already. From now on it holds it.
@@ -473,8 +485,8 @@ Outcome VirtualTime::intended(JobIndex job) const {
 void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
                            std::shared_ptr<const std::vector<Tensor>> data) {
   Job& done = jobs_[job];
-  if (call_effects_.any() && !contains(computed_, done.unit)) {
-    call_effects_.ended(done.unit, workload_of(done), job, now_);
+  if (call_effects_.any() && !is_computed(done)) {
+    call_effects_.ended(done.unit, job, now_);
   }
   must(dispatcher_.complete(done.unit, done.id, outcome, now_, effects_));
   tally_.last_completion = now_;

@@ -94,8 +94,8 @@ class VirtualTime final {
     UnitId unit = 0;
     std::uint32_t step = 0;   ///< Position in steps_.
     std::uint32_t tries = 0;  ///< Before this one.
-    bool computing = false;   ///< By the executor.
-    Nanos started_at{0};
+    bool waits = false;       ///< On a unit that computes: for what that got before.
+    Nanos started_at{0};      ///< Of one that waited: since it does no more.
     Nanos dispatched_at{0};
     Nanos takes{0};      ///< Server time of its step,
     Nanos powered{0};    ///< the part of it that draws the unit's active_w,
@@ -117,7 +117,7 @@ class VirtualTime final {
       id = task;
       plan = its_plan;
       tries = 0;
-      computing = suspended = false;
+      suspended = false;
     }
   };
   enum class TimerKind : std::uint8_t {
@@ -164,9 +164,8 @@ class VirtualTime final {
   void charge(Tally& tally, const Job& job, Nanos served, Nanos powered) const;
   void charge_served(Tally& tally, const Job& job, Nanos remaining) const;
   void charge_computed(Tally& tally, const Job& job, Nanos busy, Nanos powered,
-                       double own_part) const;
+                       bool complete) const;
   void charge_delay(JobIndex job, Nanos passed);
-  [[nodiscard]] double part_served(const Job& job, Nanos busy) const;
   void work_on(JobIndex job, const CallStep& step);
   void cut(Job& job, const CallStep& step, Nanos passes = Nanos::zero()) const;
   void end_slice(JobIndex job);
@@ -186,6 +185,7 @@ class VirtualTime final {
   Nanos data_arrival(JobIndex job);
   void send(UnitId unit, std::int64_t size_bytes, Nanos from, Nanos wait);
   void draw_for(std::size_t servers, double watts, Nanos time);
+  [[nodiscard]] bool is_computed(const Job& job) const { return contains(computed_, job.unit); }
   [[nodiscard]] const CallStep& step_of(const Job& job) const;
   [[nodiscard]] WorkloadId workload_of(const Job& job) const;
   [[nodiscard]] const Service& service_of(const Job& job) const;
@@ -219,12 +219,13 @@ class VirtualTime final {
       state_units_;  ///< By state: where it is; absent = nowhere yet.
   std::vector<std::optional<std::uint32_t>> contexts_;  ///< By unit with contexts: which it holds.
   std::vector<Job> jobs_;
+  /// By unit that computes: the tasks that it has, in the order in which it got them.
+  std::vector<std::vector<JobIndex>> computing_;
   std::vector<Timer> timers_;  ///< A heap, earliest first.
   std::uint64_t sequence_ = 0;
   Effects effects_;
-  std::vector<Recalled> recalled_;  ///< Of effects_, for its memory.
-  std::vector<int> waiting_;        ///< For the observers.
-  Tally tally_;                     ///< Of all that has happened, but for what others count.
+  std::vector<int> waiting_;  ///< For the observers.
+  Tally tally_;               ///< Of all that has happened, but for what others count.
   CallEffects call_effects_;
   /// Servers, and what is drawn beside them; only where somebody follows.
   SlotTable<std::pair<std::size_t, double>> draws_;

@@ -153,6 +153,36 @@ TEST(Redraw, OneFactorAUnitMoreWhereOthersTookItsCores) {
   EXPECT_GT(both_longer / kDraws, 0.55) << "they share a factor";
 }
 
+// 10 and 10.5 mJ, each known to 2 mJ: which unit draws less cannot be told.
+TEST(Redraw, JoulesThatAMeterShowedHaveTheirInterval) {
+  Profile profile = true_profile();
+  for (const std::string& workload : kWorkloads) {
+    for (const auto& [unit, energy_j] : {std::pair("cpu", 0.010), {"gpu", 0.0105}}) {
+      EnergyRow& energy = profile.energies.emplace_back();
+      energy.workload = workload;
+      energy.unit = unit;
+      energy.energy_j = energy_j;
+      energy.ci_low_j = energy_j - 0.002;
+      energy.ci_high_j = energy_j + 0.002;
+      energy.provenance = Provenance::kMeasured;
+    }
+  }
+  const auto without = [&](const std::string& unit) {
+    ScheduleOptions options = mode("ect", 4);
+    options.without = {unit};
+    return run_with_intervals(platform_of(kTwoMeasured), &profile, mix_of(kThreePipelines),
+                              options);
+  };
+  const auto cpu = without("gpu");
+  const auto gpu = without("cpu");
+  ASSERT_THAT(cpu.intervals, Contains(Key("energy_j")));
+  EXPECT_LT(cpu.intervals.at("energy_j").low, cpu.energy_j.value());
+  EXPECT_GT(cpu.intervals.at("energy_j").high, cpu.energy_j.value());
+  EXPECT_TRUE(cannot_tell(cpu, gpu, "energy_j"));
+  const FigureInterval tail = cpu.intervals.at("p99_of_deadline");
+  EXPECT_EQ(tail.low, tail.high) << "times are exact";
+}
+
 TEST(Redraw, LongRunsAreShortened) {
   const Profile found = measured_profile(5, 5, 0.1);
   ScheduleOptions options = mode("ect", 60);

@@ -50,9 +50,30 @@ TEST(RunRecord, HasTheKeysThatOtherToolsRead) {
   EXPECT_EQ(json["basic"], "throughput");
   // What does not apply is absent.
   EXPECT_FALSE(json.contains("in_flight"));
+  EXPECT_FALSE(json.contains("platform_file"));
+  EXPECT_FALSE(json.contains("mix_file"));
   EXPECT_FALSE(json.contains("profile"));
   EXPECT_FALSE(json["bounds"].contains("makespan_s"));
   EXPECT_FALSE(json["pipelines"]["map_generation"].contains("deadline_misses"));
+}
+
+TEST(RunRecord, SaysWhichFilesPlatformAndMixWereReadFrom) {
+  const auto folder = std::filesystem::path(testing::TempDir());
+  const auto platform = folder / "pirt_run_record_test_platform.yaml";
+  const auto mix = folder / "pirt_run_record_test_mix.yaml";
+  std::ofstream(platform) << load_platform("snapdragon820").text;
+  std::ofstream(mix) << "mix: mine\npipelines:\n"
+                        "  p: {closed_loop: {frames: 3}, tasks: [{workload: convolution}]}\n";
+  ScheduleOptions options;
+  options.mode = "olb";
+  const auto record = run_virtual(load_platform(platform.string()), nullptr,
+                                  load_mix(std::filesystem::relative(mix).string()), options);
+  EXPECT_EQ(record.platform_file, std::filesystem::absolute(platform).string());
+  ASSERT_TRUE(record.mix_file);
+  EXPECT_TRUE(std::filesystem::path(*record.mix_file).is_absolute()) << *record.mix_file;
+  EXPECT_TRUE(std::filesystem::equivalent(*record.mix_file, mix)) << *record.mix_file;
+  EXPECT_EQ(run_record_from_json(parse_json(json_text(to_json(record))), "x"), record);
+  for (const auto& file : {platform, mix}) std::filesystem::remove(file);
 }
 
 TEST(RunRecord, SaysWhatCallsTookOnAUnitThatNobodyElseUses) {

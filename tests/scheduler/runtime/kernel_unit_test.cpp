@@ -17,6 +17,18 @@ using namespace std::chrono_literals;
 using testing::AllOf;
 using testing::HasSubstr;
 
+/// Has none, and counts who asks for it.
+class CountedMemory final : public TensorMemory {
+ public:
+  [[nodiscard]] std::shared_ptr<std::byte> take(std::size_t) override {
+    ++asked;
+    return nullptr;
+  }
+  [[nodiscard]] bool holds(const std::byte*) const override { return false; }
+
+  int asked = 0;
+};
+
 /// What happens elsewhere, as the test wants it.
 struct Elsewhere {
   std::mutex mutex;
@@ -24,6 +36,7 @@ struct Elsewhere {
   int under_way = 0, prepared = 0, devices = 0;
   bool answers = false, reachable = true, opens = true;
   std::string name = "test";
+  std::shared_ptr<CountedMemory> memory = nullptr;  ///< Of outputs.
 
   template <typename Until>
   [[nodiscard]] bool wait(Until until) {
@@ -81,6 +94,9 @@ class HereDevice : public Device {
     return {.name = there_.name, .platform = {}, .version = {}};
   }
   [[nodiscard]] Support supports(const Workload&) const override { return {true, ""}; }
+  [[nodiscard]] std::shared_ptr<TensorMemory> output_memory() const override {
+    return there_.memory;
+  }
   [[nodiscard]] bool is_lost() const override {
     const std::lock_guard lock(there_.mutex);
     return !there_.reachable;
@@ -192,6 +208,20 @@ TEST_F(KernelUnitElsewhere, HasAsManyCallsUnderWayAsLanes) {
     EXPECT_FALSE(end_of(token).excused);
   }
   EXPECT_EQ(there_.prepared, 3) << "a kernel is used by one thread at a time";
+}
+
+// A device's memory takes long to have, and the first call of a run need not wait for it.
+TEST_F(KernelUnitElsewhere, ItsFirstRunHasItsOutputsWhereLaterOnesHaveThem) {
+  there_.memory = std::make_shared<CountedMemory>();
+  there_.answers = true;
+  const TensorSpec made{.name = "made", .element = Element::kF64, .shape = {4}};
+  workload_.outputs = {made, made};
+  UnitSetup setup{.request = {.unit = "gpu", .cores = {}, .device = {}, .script = {}},
+                  .backend = &here_,
+                  .preparations = {{.workload = &workload_, .sample = sample_}}};
+  KernelUnit unit(std::move(setup), [](Call&, CallEnd&) {});
+  ASSERT_TRUE(unit.wait_until_ready(20s));
+  EXPECT_EQ(there_.memory->asked, 2);
 }
 
 TEST_F(KernelUnitElsewhere, OpensALostDeviceAgain) {

@@ -37,6 +37,20 @@ TEST(Runtime, ItsTraceReplaysWhateverHappened) {
   EXPECT_THAT(bad_input([&] { runtime.write_trace(); }), HasSubstr("trace"));
 }
 
+TEST(Runtime, ATaskThatWasDueBeforeTheBeginIsInTheTraceToo) {
+  const ScratchFolder folder;
+  auto options = options_with({adding()});
+  options.trace = (folder.path() / "trace.json").string();
+  Runtime runtime(options);
+  constexpr std::chrono::hours kAgo(-1);
+  EXPECT_EQ(runtime.submit("add", {number(0), number(1)}, {.deadline = kAgo}).wait(),
+            TaskEnd::kCompleted);
+  runtime.submit("add", {number(0), number(1)}, {.expires = kAgo}).wait();
+  EXPECT_EQ(runtime.statistics().late, 1);
+  runtime.write_trace();
+  EXPECT_FALSE(replay_file(*options.trace).result.difference.has_value());
+}
+
 TEST(Runtime, TasksAfterOneThatIsLongOverAreInTheTraceToo) {
   const ScratchFolder folder;
   auto options = options_with(

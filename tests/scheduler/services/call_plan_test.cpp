@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "scheduler/services/draws.h"
+#include "scheduler/services/recall.h"
+#include "tests/scheduler/profile_rows.h"
 #include "tests/scheduler/virtual/virtual_support.h"
 
 namespace pirt::test {
@@ -80,6 +82,53 @@ TEST(CallPlan, OfOneThatTakesLongIsItsHandOver) {
   EXPECT_EQ(call.takes(Taken::kUsualWorst), std::chrono::microseconds(1100));
   EXPECT_EQ(call.takes(Taken::kWorst), std::chrono::microseconds(1100));
   EXPECT_EQ(call.longest_slice(), std::chrono::microseconds(1100));
+}
+
+// Twice as long beside one, three times beside both.
+TEST(CallPlan, OfOneThatTakesLongIsBesideAllNeighbours) {
+  const auto platform = platform_of(R"(
+platform: board
+units:
+  cpu: {backend: cpu, memory: dram}
+  gpu: {backend: cpu, memory: dram, role: gpu}
+  dsp: {backend: cpu, memory: dram, role: dsp}
+)");
+  const auto row = [](int ms) {
+    return row_of("gaussian_blur", "cpu", Phase::kExecute, milliseconds(ms));
+  };
+  Profile profile = profile_of({row(10)});
+  profile.conditions = {row(20)};
+  profile.conditions[0].condition = Condition::kBesideCompute;
+  const auto mix = closed(1, "gaussian_blur");
+  const Scenario scenario = make_scenario(platform, &profile, mix, {}, CloudUse::kAll);
+  EXPECT_EQ(plan_tasks(scenario, 0)[0].calls[0].takes(Taken::kWorst), milliseconds(30));
+}
+
+// a on the cpu and then d, which the cloud alone may serve.
+TEST(Recall, CountsWhatTheCloudHasToServeBehindATask) {
+  const auto platform = platform_of(R"(
+platform: two
+units: {cpu: {slots: 1}, cloud: {role: cloud}}
+workloads:
+  alexnet: {cpu: 400, cloud: [{delay_ms: 20000}]}
+  describe_scene: {cloud: [{delay_ms: 3000}]}
+)");
+  const auto mix = mix_of(R"(
+mix: m
+pipelines:
+  far:
+    rate_hz: 0.05
+    deadline_ms: 15000
+    real_time: false
+    tasks:
+      - {name: a, workload: alexnet, eligible: [cpu, cloud]}
+      - {name: d, workload: describe_scene, eligible: [cloud], after: [a]}
+)");
+  const Scenario scenario = make_scenario(platform, nullptr, mix, {}, CloudUse::kAll);
+  const auto leads = recall_leads(scenario, 0);
+  ASSERT_TRUE(leads[0]);
+  EXPECT_EQ(leads[0]->before_deadline, milliseconds(3400));
+  EXPECT_FALSE(leads[1]);
 }
 
 TEST(CallPlan, OwnJoulesAreDrawnOnTheUnitOfTheCall) {

@@ -288,6 +288,30 @@ TEST(Services, ModelEnergyAnewButBelieveAMeter) {
   EXPECT_EQ(table.find(0, 1)->energy_provenance, Provenance::kMeasured);
 }
 
+TEST(Services, SayHowFarAMetersJoulesAreKnown) {
+  EnergyRow metered;
+  metered.workload = "fc8";
+  metered.unit = "gpu";
+  metered.energy_j = 0.125;
+  metered.ci_low_j = 0.0625;
+  metered.ci_high_j = 0.25;
+  metered.provenance = Provenance::kMeasured;
+  metered.doubts = {"unstable: 5 W idle before and 9 W after"};
+  Profile profile = profile_of({row("gpu", Phase::kCall, 5000)});
+  profile.energies = {metered};
+  ServiceOptions options;
+  const auto table = services_of(&profile, options);
+  EXPECT_EQ(table.find(0, 1)->joules.low, 0.5);
+  EXPECT_EQ(table.find(0, 1)->joules.high, 2);
+  EXPECT_THAT(table.find(0, 1)->doubts, IsEmpty()) << "its time is not doubted";
+  EXPECT_THAT(table.warnings,
+              Contains("1 figures of metered energy are uncertain (unstable), and used as they "
+                       "are: of gpu"));
+  options.strict = true;
+  EXPECT_THAT(services_of(&profile, options).warnings,
+              Contains(HasSubstr("its metered energy is not used")));
+}
+
 TEST(Services, RefuseAProfileOfAnotherPlatform) {
   Profile profile = profile_of({row("gpu", Phase::kCall, 1)});
   profile.runs[0].platform = "elsewhere";

@@ -141,6 +141,27 @@ TEST(CallEffects, ColdIsAtMostWhatWasMeasuredCold) {
   EXPECT_NEAR(p50[0], 6 + 2, 8 * kHistogram);
 }
 
+// Blur and sobel by turns, each cold after the other: a pair takes 6 + 4 ms, whether the one that
+// comes next waits for its slot or, with two of them, for its server.
+TEST(CallEffects, CachesAreAsColdWhereTheNextCallBeginsBeforeTheTaskHasEnded) {
+  Profile profile = steady_profile();
+  set_cache(profile, 1);
+  profile.conditions = {execute("gaussian_blur", "cpu", 6, Condition::kColdCache),
+                        execute("sobel", "cpu", 4, Condition::kColdCache)};
+  const Mix mix = mix_of(R"(
+mix: m
+pipelines:
+  p: {closed_loop: {frames: 20}, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+  q: {closed_loop: {frames: 20}, tasks: [{name: a, workload: sobel, eligible: [cpu]}]}
+)");
+  for (const char* slots : {"slots: 1, ", "slots: 2, "}) {
+    std::string board = kBoard;
+    board.insert(board.find("backend: cpu"), slots);
+    const RunRecord record = run_virtual(platform_of(board), &profile, mix, mode("met", 0, 1));
+    EXPECT_NEAR(record.makespan_s, 20 * 0.010, 1e-6) << slots;
+  }
+}
+
 // The unit's own caches hold nothing of it, and of the last ones, which gpu fills as well, half is
 // others' when it comes again: one call of sobel on each unit.
 TEST(CallEffects, TheLastCachesAreAsColdAsAllUnitsOfTheMemoryMadeThem) {
@@ -384,6 +405,29 @@ TEST(CallEffects, AScaledStageDrawsLessWhereOthersLengthenIt) {
         run_virtual(platform, &profile, mix_of("mix: m\npipelines:\n" + pipelines), options);
     EXPECT_NEAR(record.energy_j.value(), 10 * (0.005 + 0.002), 1e-6) << pipelines;
     EXPECT_NEAR(record.power_highest_w.value(), record.energy_j.value(), 1e-6) << pipelines;
+  }
+}
+
+// The blur, whose caches are cold, takes 6 ms of 1 W: 12 or 3 ms of as many joules.
+TEST(CallEffects, AScaledStageIsScaledWithColdCachesAsWell) {
+  Profile profile = steady_profile();
+  set_cache(profile, 1);
+  profile.conditions = {execute("gaussian_blur", "cpu", 6, Condition::kColdCache)};
+  ScheduleOptions options = mode("met", 0, 1);
+  options.watch_power = true;
+  for (const double scale : {2.0, 0.5}) {
+    Platform platform = platform_of(kBoard);
+    platform.modes["met"].stage_scale["cpu.execute"] = scale;
+    const RunRecord record = run_virtual(platform, &profile, mix_of(R"(
+mix: m
+pipelines:
+  p: {closed_loop: {frames: 1}, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+)"),
+                                         options);
+    EXPECT_NEAR(record.makespan_s, scale * 0.006, 1e-9);
+    EXPECT_GE(record.makespan_s, record.bounds.value().makespan_s.value_or(0));
+    EXPECT_NEAR(record.energy_j.value(), 0.006, 1e-9);
+    EXPECT_NEAR(record.power_highest_w.value(), 0.006, 1e-9);
   }
 }
 

@@ -2,6 +2,9 @@
 // speaks of any second; worked out by hand.
 #include <gtest/gtest.h>
 
+#include <ctime>
+
+#include "scheduler/trace/power_peak.h"
 #include "tests/scheduler/virtual/virtual_support.h"
 
 namespace pirt::test {
@@ -25,6 +28,25 @@ TEST(Power, ACallsOwnJoulesAreDrawnWhileItIsServed) {
   EXPECT_NEAR(*record.energy_j, 200, 1e-9);
   EXPECT_NEAR(*record.power_highest_w, 100, 1e-6);
   EXPECT_NEAR(*record.average_power_w, 100, 1e-6);
+}
+
+// 2 W every other 10 us, above 0.5 W idle. If each change asked for all of the second before it,
+// these would be billions of steps.
+TEST(Power, TheFullestSecondIsFoundAmongManyChanges) {
+  const Platform platform = platform_of(kOneModelled);
+  PowerPeak peak(platform);
+  const std::vector<int> none;
+  const std::clock_t begin = std::clock();
+  for (int i = 0; i < 120'000; ++i) {
+    if (i % 2 == 0) {
+      peak.arrived(0, 1, 2);
+    } else {
+      peak.departed(0, 1);
+    }
+    peak.settled(i * Nanos(10'000), none);
+  }
+  EXPECT_LT(std::clock() - begin, 3 * CLOCKS_PER_SEC) << "of processor time";
+  EXPECT_NEAR(peak.highest_w(), 0.5 + 2 * 0.5, 1e-9);
 }
 
 TEST(Power, OwnJoulesKeepTheCap) {

@@ -1,5 +1,6 @@
 // Calls that are left between two slices for more urgent ones: the dispatcher's sequences and
 // virtual time, worked by hand, and what mode budget makes of it.
+#include <ctime>
 #include <filesystem>
 
 #include "scheduler/trace/replay.h"
@@ -52,6 +53,21 @@ TEST(SlicedDispatcher, LeavesNoneForTheSameOrALaterDeadlineNorForTheSameWorkload
   EXPECT_EQ(script.slice(kGpu, 4), "") << "3 is of 1's workload";
   EXPECT_EQ(script.complete(kGpu, 4), "+1");
   EXPECT_EQ(script.complete(kGpu, 1), "G2");
+}
+
+// A walk through all of them at each end would take seconds.
+TEST(SlicedDispatcher, LooksAtOneOfAWorkloadHoweverManyWait) {
+  Script script = script_of("throughput", 1 << 20);
+  EXPECT_EQ(script.submit_all(1, {task(1, 0, {})}), "G1");
+  std::vector<NamedTask> same;
+  for (TaskId id = 2; id < 20'000; ++id) same.push_back(task(id, 0, Nanos(50)));
+  EXPECT_EQ(script.submit_all(2, same), "");
+  EXPECT_EQ(script.slice(kGpu, 1), "") << "they are put in order, once";
+  const std::clock_t begin = std::clock();
+  for (int i = 0; i < 5000; ++i) ASSERT_EQ(script.slice(kGpu, 1), "");
+  EXPECT_LT(std::clock() - begin, CLOCKS_PER_SEC / 2) << "of processor time";
+  EXPECT_EQ(script.submit_all(3, {task(20'000, 1, Nanos(70))}), "");
+  EXPECT_EQ(script.slice(kGpu, 1), "~1 G20000") << "the others are of 1's workload";
 }
 
 TEST(SlicedDispatcher, AsksThePolicyForWhatIsHeldAsIfNothingWereLeft) {

@@ -373,6 +373,43 @@ TEST(VirtualTime, EverythingBalancesInRandomMixes) {
   }
 }
 
+/// Calls end when the test says so.
+class Handed final : public Executor {
+ public:
+  void start(JobIndex job, UnitId /*unit*/, bool /*let_in*/) override { jobs.push_back(job); }
+  void resume(JobIndex /*job*/, UnitId /*unit*/) override {}
+  void recall(JobIndex /*job*/, UnitId /*unit*/) override {}
+
+  std::vector<JobIndex> jobs;
+};
+
+// Two tasks from 0 on, of which the unit computes one after the other: it is busy for 1 s by then,
+// at 10 W. Of 2 s, and a joule, the first call has had half, or has ended at 0.9, so that the
+// second has had 0.1.
+TEST(VirtualTime, ATaskThatWaitsForItsUnitsCallIsNotBusyWhenTheRunEnds) {
+  const auto platform = platform_of(R"(
+platform: one
+units: {cpu: {slots: 2, active_w: 10, energy: {call_j: 1}}}
+workloads: {fc8: {cpu: [{on: cpu, ms: 2000}]}}
+)");
+  for (const bool ends : {false, true}) {
+    const auto driver = [ends](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter*) {
+      Handed executor;
+      VirtualTime time(scenario, dispatcher, {}, &executor, unit_bit(0));
+      time.begin();
+      while (time.next() == Nanos::zero()) time.advance();
+      EXPECT_EQ(executor.jobs.size(), 2U);
+      if (ends) time.finished(executor.jobs.at(0), {.busy = from_s(0.9)}, from_s(0.9));
+      time.stop(from_s(1));
+      return time.finish();
+    };
+    const RunRecord record =
+        run_mix(platform, nullptr, closed(2), mode("met", 0, 2), driver, "virtual");
+    EXPECT_NEAR(unit(record, "cpu").busy_s, 1, 1e-9);
+    EXPECT_NEAR(record.energy_j.value(), 10 + (ends ? 1 + 0.1 / 2 : 1.0 / 2), 1e-9);
+  }
+}
+
 TEST(VirtualTime, AnImageOnTheJetsonTakesWhatTableFourPrints) {
   const Mix mix = closed(10, "alexnet");
   for (const auto& [name, ms, joules] :

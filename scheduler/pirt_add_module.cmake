@@ -1,0 +1,11 @@
+# pirt_add_module(NAME SOURCE...): a module of workloads of your own, which links nothing. Its header, <pirt/module.h>, is in pirt_module_include.
+if(NOT TARGET pirt::module)
+  add_library(pirt::module INTERFACE IMPORTED GLOBAL)
+  target_include_directories(pirt::module INTERFACE ${pirt_module_include})
+endif()
+function(pirt_add_module name)
+  add_library(${name} MODULE ${ARGN})
+  set_target_properties(${name} PROPERTIES C_VISIBILITY_PRESET hidden CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
+  target_compile_features(${name} PRIVATE cxx_std_17)
+  target_link_libraries(${name} PRIVATE pirt::module)
+endfunction()
