@@ -16,8 +16,8 @@ class GpuScript : public testing::Test {
   GpuScript() {
     fs::create_directories(scratch_.file("build/tests/bench"));
     program("pirt", "echo pirt icd=$OCL_ICD_VENDORS \"$@\" >>" + log() +
-                        "\n[ $1 != doctor ] || echo 'gpu driver  note  a board of NVIDIA'\n"
-                        "echo \"{\\\"device\\\": \\\"${DEVICE-a board}\\\"}\"");
+                        "\n[ $1 != doctor ] || echo 'gpu driver  note  a board of NVIDIA'\n" +
+                        kBatches + "echo \"{\\\"device\\\": \\\"${DEVICE-a board}\\\"}\"");
     program("tests/workloads_test",
             "case $1 in --gtest_list_tests) echo '  OfAll' ;;\n"
             "*) echo tests tuning=${PIRT_TEST_TUNING-none} \"$@\" >>" +
@@ -37,6 +37,18 @@ class GpuScript : public testing::Test {
                environment + " " + quoted(std::string(kSourceFolder) + "/tests/bench/gpu") + " " +
                arguments);
   }
+  /// The same: libraries of the caller's, and a Python that logs which it is given.
+  [[nodiscard]] std::string with_python() const {
+    fs::create_directories(scratch_.file("bin"));
+    const auto path = scratch_.write(
+        "bin/python3", "#!/bin/sh\necho python $LD_LIBRARY_PATH >>" + log() + "\nexit 1\n");
+    fs::permissions(path, fs::perms::owner_all);
+    return "LD_LIBRARY_PATH=/the/drivers PATH=" + quoted(scratch_.file("bin")) + ":\"$PATH\"";
+  }
+  /// Of a profile's table.
+  static constexpr const char* kBatches =
+      "[ $1 != characterize ] || printf '%s@batch64  opencl  1.23\\n' pool1 alexnet\n";
+
   const Scratch scratch_;
 };
 
@@ -53,9 +65,10 @@ TEST_F(GpuScript, RunsWhereWhatItPackedIsUnpacked) {
   const auto there = scratch_.file("there");
   const auto outcome =
       run("mkdir " + quoted(there) + " && tar -xJf " + archive + " -C " + quoted(there) +
-          " && env -u BUILD " + quoted(there + "/pirt-gpu/tests/bench/gpu"));
+          " && env -u BUILD " + with_python() + " " + quoted(there + "/pirt-gpu/tests/bench/gpu"));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err << outcome.out;
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("== device: a board"), HasSubstr("== done: ")));
+  EXPECT_THAT(logged(), HasSubstr("python /the/drivers\n"));
 }
 
 TEST_F(GpuScript, VerifiesWhatItTimes) {
@@ -64,13 +77,36 @@ TEST_F(GpuScript, VerifiesWhatItTimes) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err << outcome.out;
   EXPECT_THAT(logged(), AllOf(HasSubstr("tests tuning=/the/board.json"), HasSubstr("@batch64$")))
       << "the kernels of its parameters, and those of batches";
-  program("pirt",
-          "while [ $# -gt 1 ] && [ $1 != --json ]; do shift; done\n"
-          "[ $1 != --json ] || [ $2 = - ] || echo wrong_output >$2\n"
-          "echo '{\"device\": \"a board\"}'");
-  const auto wrong = script("", "0 " + out);
-  EXPECT_EQ(wrong.exit_code, 1);
-  EXPECT_THAT(wrong.out, HasSubstr("FAILED: a batch is wrong"));
+  // What it says of its batches.
+  const auto says = [&](const std::string& table, const std::string& json) {
+    program("pirt", table +
+                        "while [ $# -gt 1 ] && [ $1 != --json ]; do shift; done\n"
+                        "[ $1 != --json ] || [ $2 = - ] || echo '" +
+                        json +
+                        "' >$2\n"
+                        "echo '{\"device\": \"a board\"}'");
+    const auto wrong = script("", "0 " + out);
+    EXPECT_EQ(wrong.exit_code, 1) << table << json;
+    return wrong.out;
+  };
+  EXPECT_THAT(says(kBatches, "wrong_output"), HasSubstr("FAILED: a batch is wrong or did not run"));
+  EXPECT_THAT(says(kBatches, "\"error: worker crashed\""),
+              HasSubstr("FAILED: a batch is wrong or did not run"));
+  EXPECT_THAT(says("echo 'pool1@batch64  opencl  1.23'\n", "\"workload\": \"alexnet@batch64\""),
+              AllOf(HasSubstr("FAILED: alexnet@batch64 was not measured"),
+                    Not(HasSubstr("FAILED: pool1@batch64"))))
+      << "named among those that were not reached";
+}
+
+TEST_F(GpuScript, LetsEachProgramHaveItsLibraries) {
+  static_cast<void>(script(with_python(), "0 " + quoted(scratch_.file("out"))));
+  EXPECT_THAT(logged(), HasSubstr("python /the/drivers\n"));
+}
+
+TEST_F(GpuScript, HasTenMinutesAtMost) {
+  const auto limits = run("awk '$1 == \"step\" && $2 != \"tune\" {all += $3} END {print all}' " +
+                          quoted(std::string(kSourceFolder) + "/tests/bench/gpu"));
+  EXPECT_LE(std::stoi(limits.out), 600) << limits.err;
 }
 
 TEST_F(GpuScript, NamesTheDriverOfABoardThatNoFileNames) {

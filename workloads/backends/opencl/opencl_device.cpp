@@ -108,7 +108,9 @@ void pin_workers(cl::Device device, UnitRange units) {
   }
   for (std::size_t i = units.first; i < units.first + units.count; ++i) {
     const cl::CommandQueue queue(context_on(single.at(i)), single[i]);
-    queue.enqueueNativeKernel(take_affinity, {&mine, sizeof(mine)});
+    // Not null: the C++ header of 2024 asks for their number first.
+    const std::vector<cl::Memory> none;
+    queue.enqueueNativeKernel(take_affinity, {&mine, sizeof(mine)}, &none);
     queue.finish();
   }
 }

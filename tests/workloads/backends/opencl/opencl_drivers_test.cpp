@@ -127,8 +127,9 @@ TEST(OpenClLimits, LocalMemoryBoundsTheGroup) {
     return builder.group_items("tiles.cl", "fully_connected_group", need);
   };
   EXPECT_EQ(items({}), 64U);
-  // Room for 27 items, not for 28; a device that likes 8 or 16 gets 24 or 16.
-  EXPECT_THAT(items({.per_item = all / 27}), testing::AnyOf(16U, 24U, 27U));
+  // Room for 27 items, not for 28, or for 26 where the driver takes some for itself; a device that
+  // likes 8 or 16 gets 24 or 16.
+  EXPECT_THAT(items({.per_item = all / 27}), testing::AnyOf(16U, 24U, 26U, 27U));
   EXPECT_EQ(items({.per_item = 1, .per_group = all}), 0U) << "no room at all";
 }
 

@@ -196,6 +196,31 @@ TEST_F(OpenClOwn, AFunctionEnqueuesAsItLikes) {
   EXPECT_THAT(refusal(workload(operation)), HasSubstr("no such luck"));
 }
 
+TEST_F(OpenClOwn, AFunctionGetsWholeBuffersThatItMayDivide) {
+  auto operation = std::make_shared<OwnOperation>();
+  int whole = 0;
+  operation->opencl_function = [&whole](const OpenclUnit& unit) {
+    for (const auto& tensors : {unit.inputs, unit.outputs}) {
+      for (void* const tensor : tensors) {
+        cl_mem parent = nullptr;
+        const cl_int status =
+            clGetMemObjectInfo(static_cast<cl_mem>(tensor), CL_MEM_ASSOCIATED_MEMOBJECT,
+                               sizeof(parent), &parent, nullptr);
+        if (status == CL_SUCCESS && parent == nullptr) ++whole;
+      }
+    }
+    return [] {};
+  };
+  Workload several = workload(operation);
+  several.inputs.push_back({"more", Element::kI32, {4}});
+  several.outputs.push_back({"rest", Element::kI32, {4}});
+  opencl::DeviceSession session = test::gpu_session(32);
+  session.pinned = std::make_shared<opencl::PinnedPool>(session.queue);
+  const auto parameters = make_tensors(several.parameters);
+  static_cast<void>(opencl::make_kernel(session, several, parameters));
+  EXPECT_EQ(whole, 4);
+}
+
 TEST_F(OpenClOwn, IsNotSupportedWithoutAKernelOfItsOwn) {
   auto operation = std::make_shared<OwnOperation>();
   Workload other = workload(operation);

@@ -98,6 +98,8 @@ std::unique_ptr<Kernel> make_kernel(const DeviceSession& session, const Workload
   const OpenclKernelEntry& entry = find_kernel(workload.kernel);
   if (entry.make != nullptr) return entry.make(session, workload, parameters);
 
+  const OwnOperation* const own = own_operation(workload);
+  const bool in_parts = own == nullptr || !own->opencl_function;
   PlanBuilder builder(session, workload.kernel != kOwnKernel);
   std::vector<DeviceTensor> inputs;
   if (const int pad = entry.input_pad != nullptr ? entry.input_pad(workload) : 0; pad > 0) {
@@ -105,9 +107,9 @@ std::unique_ptr<Kernel> make_kernel(const DeviceSession& session, const Workload
       inputs.push_back(builder.resident(spec, inputs.empty() ? pad : 0));
     }
   } else {
-    inputs = builder.residents(workload.inputs);
+    inputs = builder.residents(workload.inputs, in_parts);
   }
-  std::vector<DeviceTensor> outputs = builder.residents(workload.outputs);
+  std::vector<DeviceTensor> outputs = builder.residents(workload.outputs, in_parts);
   if (workload.state) builder.make_state(workload.state->tensors);
   entry.append(builder, workload, parameters, inputs, outputs);
   Plan plan = builder.finish(std::move(inputs), std::move(outputs));

@@ -162,7 +162,7 @@ DeviceTensor PlanBuilder::resident(const TensorSpec& spec, int pad) {
   return made;
 }
 
-std::vector<DeviceTensor> PlanBuilder::residents(std::span<const TensorSpec> specs) {
+std::vector<DeviceTensor> PlanBuilder::residents(std::span<const TensorSpec> specs, bool in_parts) {
   std::vector<DeviceTensor> made;
   const std::size_t align = std::max<std::size_t>(
       Tensor::kAlignment, session_.device.getInfo<CL_DEVICE_MEM_BASE_ADDR_ALIGN>() / 8);
@@ -180,7 +180,7 @@ std::vector<DeviceTensor> PlanBuilder::residents(std::span<const TensorSpec> spe
     made.push_back(std::move(part));
   }
   const bool several = specs.size() > 1 || (specs.size() == 1 && specs[0].varies);
-  if (session_.pinned == nullptr || !several || all > kMostStaged) {
+  if (session_.pinned == nullptr || !several || !in_parts || all > kMostStaged) {
     made.clear();
     for (const TensorSpec& spec : specs) made.push_back(resident(spec));
     return made;
@@ -214,7 +214,6 @@ cl::Buffer PlanBuilder::scratch(std::int64_t size_bytes) {
 cl::Buffer PlanBuilder::zeroed(std::size_t size_bytes) {
   cl::Buffer buffer = allocate(CL_MEM_READ_WRITE, size_bytes);
   session_.queue.enqueueFillBuffer(buffer, cl_uchar{0}, 0, size_bytes);
-  session_.queue.finish();
   return buffer;
 }
 

@@ -127,7 +127,9 @@ class PlanBuilder {
   [[nodiscard]] DeviceTensor resident(const TensorSpec& spec, int pad = 0);
   /// Several that a call moves together, without a border: where they are small and the device has
   /// memory of its own, parts of one buffer, which go by one command.
-  [[nodiscard]] std::vector<DeviceTensor> residents(std::span<const TensorSpec> specs);
+  /// @param in_parts  Whether they may be: parts of a buffer cannot be divided further.
+  [[nodiscard]] std::vector<DeviceTensor> residents(std::span<const TensorSpec> specs,
+                                                    bool in_parts = true);
   /// Allocates both sets of a state, which the plan will have.
   void make_state(std::span<const TensorSpec> specs);
   /// For the steps: what a call reads and what it writes.
@@ -136,7 +138,7 @@ class PlanBuilder {
   }
   [[nodiscard]] const DeviceTensor& next(std::size_t tensor) const { return next_.at(tensor); }
   [[nodiscard]] cl::Buffer scratch(std::int64_t size_bytes);
-  /// Complete on return.
+  /// Zeroed before what is queued next.
   [[nodiscard]] cl::Buffer zeroed(std::size_t size_bytes);
   /// A buffer that kernels only read, filled; complete on return.
   [[nodiscard]] cl::Buffer constant(std::span<const std::byte> bytes);
