@@ -61,5 +61,11 @@ TEST_F(BrokenEmulator, ThatFailsIsNotThere) {
   expect_no("does not run");
 }
 
+// As Debian 13's.
+TEST_F(BrokenEmulator, ThatTakesNoPluginIsNotThere) {
+  emulator("echo \"qemu: unknown option 'plugin'\" >&2; exit 1");
+  expect_no("takes no plugin");
+}
+
 }  // namespace
 }  // namespace pirt::test

@@ -89,8 +89,8 @@ class DspKernel : public Kernel {
 class DspDevice : public Device {
  public:
   DspDevice(const dsp::Tools& tools, const dsp::CostModel& model)
-      : version_(fmt::format("{}, program {}", dsp::emulator_version(tools.emulator),
-                             dsp::program_hash(tools))),
+      : version_(
+            fmt::format("{}, program {}", dsp::emulator_version(tools), dsp::program_hash(tools))),
         session_(
             std::make_shared<dsp::ProgramSession>(dsp::SessionOptions{.emulator = tools.emulator,
                                                                       .plugin = tools.plugin,
@@ -173,7 +173,7 @@ class DspBackend : public Backend {
               "",
               {{.name = "Hexagon v60, one HVX thread",
                 .platform = "qemu-hexagon, packets counted",
-                .version = dsp::emulator_version(tools.emulator),
+                .version = dsp::emulator_version(tools),
                 .compute_units = 1}}};
     } catch (const Error& error) {
       return {false, error.what(), {}};

@@ -169,7 +169,7 @@ void ProgramSession::start() {
     stop();
     throw_environment(fmt::format(
         "qemu-hexagon runs without its plugin '{}', so that nothing is counted; install a "
-        "qemu-user whose plugins are enabled (Debian's is)",
+        "qemu-user whose plugins are enabled (that of Debian 12)",
         options_.plugin.string()));
   }
   start_cost_ = cost_of(counts().total);

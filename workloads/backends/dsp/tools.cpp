@@ -57,16 +57,19 @@ std::string text_of(const fs::path& path) {
 constexpr auto kAnswerLimit = std::chrono::seconds(3);  // it answers in 20 ms
 constexpr auto kLookEvery = std::chrono::milliseconds(2);
 
-/// `EMULATOR --version`, in a process group of its own, since it may be a script.
-pid_t start_asking(std::string path, int standard_output) {
+/// `EMULATOR -plugin PLUGIN --version`, which loads none, in a process group of its own, since it
+/// may be a script.
+pid_t start_asking(std::string path, std::string plugin, int said) {
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
-  ::posix_spawn_file_actions_adddup2(&actions, standard_output, STDOUT_FILENO);
+  ::posix_spawn_file_actions_adddup2(&actions, said, STDOUT_FILENO);
+  ::posix_spawn_file_actions_adddup2(&actions, said, STDERR_FILENO);
   posix_spawnattr_t attributes;
   ::posix_spawnattr_init(&attributes);
   ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
-  std::string option = "--version";
-  const std::array<char*, 3> words = {path.data(), option.data(), nullptr};
+  std::string takes = "-plugin", asks = "--version";
+  const std::array<char*, 5> words = {path.data(), takes.data(), plugin.data(), asks.data(),
+                                      nullptr};
   pid_t process = -1;
   const int error =
       ::posix_spawn(&process, path.c_str(), &actions, &attributes, words.data(), environ);
@@ -105,16 +108,22 @@ Tools find_tools() {
   return tools;
 }
 
-std::string emulator_version(const fs::path& emulator) {
+std::string emulator_version(const Tools& tools) {
   const FileDescriptor said(::memfd_create("pirt-dsp-version", MFD_CLOEXEC));
-  const std::string path = emulator.string();
-  const int status = wait_for(start_asking(path, said.get()), path);
+  const std::string path = tools.emulator.string();
+  const int status = wait_for(start_asking(path, tools.plugin.string(), said.get()), path);
   std::array<char, 200> text{};
   const auto size = ::pread(said.get(), text.data(), text.size(), 0);
   const std::string line(text.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
   // "qemu-hexagon version 7.2.22 (Debian ...)"
   constexpr std::string_view kBefore = "version ";
   const auto at = line.find(kBefore);
+  if (status != 0 && line.find("unknown option") != std::string::npos) {
+    throw_environment(fmt::format(
+        "'{}' takes no plugin, which counts the packets; install a qemu-user with plugins (that of "
+        "Debian 12 has them, that of Debian 13 has not)",
+        path));
+  }
   if (status != 0 || at == std::string::npos) {
     throw_environment(fmt::format("'{}' {}; install qemu-user", path,
                                   status != 0 ? "does not run" : "does not say its version"));

@@ -14,9 +14,10 @@ struct Tools {
 /// qemu-hexagon from PATH, the others from where pirt is installed or was built.
 [[nodiscard]] Tools find_tools();
 
-/// "qemu-hexagon 7.2.22"; asks @p emulator, and waits a few seconds for its answer.
-/// @throws Error{kEnvironment} if it does not run, says something else, or does not answer.
-[[nodiscard]] std::string emulator_version(const std::filesystem::path& emulator);
+/// "qemu-hexagon 7.2.22"; asks the emulator, and waits a few seconds for its answer.
+/// @throws Error{kEnvironment} if it does not run, takes no plugin, says something else, or does
+///     not answer.
+[[nodiscard]] std::string emulator_version(const Tools& tools);
 
 /// The program's and the plugin's content: what counts change with besides the emulator.
 [[nodiscard]] std::string program_hash(const Tools& tools);

@@ -113,7 +113,7 @@ TEST_F(DspSession, IsOneAlsoWhereNobodyHearsOfChildren) {
   const auto before = ::signal(SIGCHLD, SIG_IGN);
   std::string version, end;
   try {
-    version = emulator_version(options_.emulator);
+    version = emulator_version(find_tools());
     ProgramSession session(faulty());
     end = environment_error([&] { run(session, kEnd); });
   } catch (const Error& error) {

@@ -13,8 +13,8 @@ namespace pirt::test {
 
 /// Why there is no DSP here, for GTEST_SKIP; empty if there is one.
 inline std::string why_no_dsp() {
-  const std::string missing = dsp::find_tools().missing;
-  return missing.empty() ? "" : "skipped: " + missing;
+  static const Probe probe = make_dsp_backend()->probe();
+  return probe.available ? "" : "skipped: " + probe.reason;
 }
 
 inline std::unique_ptr<Device> open_dsp() {
