@@ -81,8 +81,7 @@ void plan_unit_times(const CampaignOptions& options, CampaignPlan& plan) {
   for (const UnitRecord& unit : plan.units) {
     for (UnitTimePart& part : options.unit_times(unit)) {
       if (is_known(unit, part)) continue;
-      plan.unit_times.push_back(
-          {unit.unit, unit.cores.empty() ? usable_cores() : unit.cores, std::move(part)});
+      plan.unit_times.push_back({unit.unit, cores_or_usable(unit.cores), std::move(part)});
     }
   }
 }

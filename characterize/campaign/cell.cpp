@@ -257,8 +257,7 @@ void take_in(std::span<const Interference> processes, CellConditions& conditions
 /// than others used, since a call may leave cores idle itself.
 std::optional<double> CellMeasurement::taken(const CellSamples& calls) const {
   if (calls.cpu.size() != calls.samples.size()) return std::nullopt;
-  const auto cores =
-      request_.unit.cores.empty() ? usable_cores().size() : request_.unit.cores.size();
+  const auto cores = cores_or_usable(request_.unit.cores).size();
   const auto wall = process_medians(calls.samples, calls.processes);
   const auto cpu = process_medians(calls.cpu, calls.processes);
   std::vector<double> shares;

@@ -82,7 +82,7 @@ Environment unit_facts(const UnitModel& unit, const DeviceInfo& device) {
   if (!options.empty()) facts[prefix + "options"] = options;
   if (device.cache_bytes) facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);
   if (device.is_cpu) {
-    const auto cores = unit.cores.empty() ? usable_cores() : unit.cores;
+    const auto cores = cores_or_usable(unit.cores);
     const auto put = [&](std::string_view fact, const std::optional<std::int64_t>& bytes) {
       if (bytes) facts[prefix + std::string(fact)] = std::to_string(*bytes);
     };

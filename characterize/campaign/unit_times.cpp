@@ -1,7 +1,9 @@
 #include "characterize/campaign/unit_times.h"
 
 #include <algorithm>
+#include <string>
 #include <thread>
+#include <utility>
 
 #include "workloads/base/error.h"
 
@@ -45,6 +47,7 @@ std::optional<UnitTimeRecord> UnitTimeSampler::measure(const PlannedUnitTime& pl
     unit_begun_ = before;
   }
   const Nanos given_up = clock.now() + kLongest * part.expected + kGrace;
+  std::string failure;
   try {
     while (static_cast<int>(record.samples.size()) < part.samples && clock.now() < given_up) {
       if (stopped()) return std::nullopt;
@@ -54,12 +57,18 @@ std::optional<UnitTimeRecord> UnitTimeSampler::measure(const PlannedUnitTime& pl
       }
     }
   } catch (const Error& error) {
+    failure = error.what();
     if (record.samples.empty()) {
-      record.reasons.push_back(std::string("error: ") + error.what());
+      record.reasons.push_back("error: " + failure);
       return record;
     }
   }
-  hold_against(record, judge_unit_time(record.samples, others_since(before, planned), precision_));
+  Judgement found = judge_unit_time(record.samples, others_since(before, planned), precision_);
+  if (!failure.empty()) {
+    std::erase(found.doubts, "few_samples");
+    found.doubts.push_back("few_samples: " + failure);
+  }
+  hold_against(record, std::move(found));
   return record;
 }
 

@@ -22,7 +22,7 @@ struct UnitTimePart {
   int samples = 0;
   int portion = 1;    ///< So many at once: nothing ends the sampling between them.
   Nanos expected{0};  ///< What all samples take on a machine that nobody else uses.
-  /// @throws Error, which is a row's reason where there are no samples.
+  /// @throws Error, which is a row's reason where there are no samples, else its doubt.
   std::function<std::vector<Nanos>(int samples)> measure;
 };
 

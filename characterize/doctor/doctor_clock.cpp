@@ -44,6 +44,13 @@ Findings governor(const DoctorInput& input) {
 }
 
 Findings frequency_limit(const DoctorInput& input) {
+  const auto percent = read_number(cpu_folder(input) / "intel_pstate" / "max_perf_pct");
+  if (percent && *percent < 100) {
+    return {{"frequency_limit", Level::kNote,
+             fmt::format("all cores are limited to {} % of their highest clock", *percent),
+             "figures are those of a slower machine",
+             "echo 100 | sudo tee /sys/devices/system/cpu/intel_pstate/max_perf_pct"}};
+  }
   bool any = false;
   for (const int core : input.cores) {
     const auto limit = read_number(cpufreq(input, core) / "scaling_max_freq");

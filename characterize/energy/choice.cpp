@@ -25,10 +25,13 @@ Meters of_domain(const MeterDiscovery& found, MeterDomain domain) {
 Meters packages_of(const MeterDiscovery& found, const std::vector<int>& cores,
                    const std::filesystem::path& sys) {
   Meters all = of_domain(found, MeterDomain::kPackage);
-  // Several drivers tell the same joules: RAPL and amd_energy, or the sensor of an APU.
-  std::erase_if(all, [driver = all.empty() ? "" : all.front()->info().driver](const Meter* meter) {
-    return meter->info().driver != driver;
-  });
+  if (all.empty()) return all;
+  // Several drivers tell the same joules: RAPL and amd_energy, or the sensor of an APU. The first
+  // that may be read, or else the first.
+  const auto readable =
+      std::ranges::find_if(all, [](const Meter* meter) { return meter->info().problem.empty(); });
+  const std::string driver = (readable == all.end() ? all.front() : *readable)->info().driver;
+  std::erase_if(all, [&driver](const Meter* meter) { return meter->info().driver != driver; });
   std::set<std::string> owners;
   for (const int core : cores) {
     const auto package = read_integer(

@@ -228,6 +228,15 @@ void check_call_time(MeteredCalls& metered, Nanos timed) {
                   timed_s * 1e3));
 }
 
+void check_disturbance(MeteredCalls& metered, std::span<const Meter* const> meters,
+                       const Interference& during) {
+  const bool of_host = std::ranges::any_of(
+      meters, [](const Meter* meter) { return meter->info().domain != MeterDomain::kGpu; });
+  if (during.contended) metered.source += "; contended";
+  if (during.contended && of_host) metered.reasons.emplace_back("contended");
+  if (during.throttled) metered.reasons.emplace_back("throttled");
+}
+
 std::string idle_power_text(const MeterRequest& request) {
   const auto found = discover_meters(request.sysfs);
   std::vector<const Meter*> meters;

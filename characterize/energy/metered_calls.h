@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "characterize/energy/meter.h"
+#include "characterize/machine/host_load.h"
 #include "characterize/profile/records.h"
 #include "workloads/base/time.h"
 
@@ -77,6 +78,11 @@ inline constexpr Nanos kLongestWindow = std::chrono::seconds(20);
 /// time of a row must be those of the same conditions, and a sustained load may be throttled.
 /// @param timed  A mean, as that of the metered calls is.
 void check_call_time(MeteredCalls& metered, Nanos timed);
+
+/// Adds what befell the machine meanwhile: `throttled`; `contended`, which is said of a board of
+/// its own in the source alone: what the host's programs draw is no part of it.
+void check_disturbance(MeteredCalls& metered, std::span<const Meter* const> meters,
+                       const Interference& during);
 
 /// The machine's idle power over one window, in watts with 4 digits; "" if the meters do not show
 /// it, or cannot be read any more. Of a GPU's own meter, once it has come to rest: no device may be

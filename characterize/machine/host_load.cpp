@@ -60,18 +60,25 @@ std::optional<CoreTimes> read_times(const std::vector<int>& cores,
   return times;
 }
 
+/// Whether a cooling device slows a processor down, as its type says. @source cpufreq_cooling.c
+/// (new and old), devfreq_cooling.c, cpuidle_cooling.c, the ACPI processor's driver,
+/// intel_powerclamp.c (thermald's), and the balanced throttling of L4T's kernels 3.10, 4.4 and 4.9.
+bool slows(const std::string& type) {
+  const auto has = [&type](const char* part) { return type.find(part) != std::string::npos; };
+  return has("cpufreq") || has("devfreq") || has("thermal-idle") || type.ends_with("-balanced") ||
+         type == "tegra-heavy" || type == "intel_powerclamp" || type == "Processor";
+}
+
 /// Boards of Arm count no thermal events: their kernels limit the clock by cooling devices.
 /// @source Documentation/driver-api/thermal/sysfs-api: cur_state, 0 = not active;
-/// stats/total_trans, how often it changed, where the kernel counts that; the names that
-/// cpufreq_cooling.c (new and old), devfreq_cooling.c and the ACPI processor's driver give.
+/// stats/total_trans, how often it changed, where the kernel counts that.
 std::optional<std::int64_t> sum_of_coolers(const std::filesystem::path& root, const char* file) {
   std::optional<std::int64_t> total;
   for (const auto& device : folder_entries(root / "sys/class/thermal")) {
-    const std::string type = first_line(device / "type").value_or("");
-    const bool slows = type.find("cpufreq") != std::string::npos ||
-                       type.find("devfreq") != std::string::npos || type == "Processor";
-    const auto value = slows ? read_number(device / file) : std::nullopt;
-    if (value) total = total.value_or(0) + *value;
+    if (!slows(first_line(device / "type").value_or(""))) continue;
+    const auto value = read_number(device / file);
+    // intel_powerclamp is at -1 while it is off.
+    if (value) total = total.value_or(0) + std::max<std::int64_t>(0, *value);
   }
   return total;
 }
@@ -81,9 +88,12 @@ std::optional<std::int64_t> read_heat(const std::vector<int>& cores,
   const auto folder = root / "sys/devices/system/cpu";
   std::optional<std::int64_t> total;
   for (const int core : cores.empty() ? numbered_folders(folder, "cpu") : cores) {
-    const auto count = read_number(folder / ("cpu" + std::to_string(core)) /
-                                   "thermal_throttle/core_throttle_count");
-    if (count) total = total.value_or(0) + *count;
+    // Where its package is at its limit, a core is slowed down without being hot itself.
+    for (const char* file : {"core_throttle_count", "package_throttle_count"}) {
+      const auto count =
+          read_number(folder / ("cpu" + std::to_string(core)) / "thermal_throttle" / file);
+      if (count) total = total.value_or(0) + *count;
+    }
   }
   return total ? total : sum_of_coolers(root, "stats/total_trans");
 }

@@ -13,9 +13,11 @@
 #include <array>
 #include <cerrno>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "characterize/machine/system_files.h"
+#include "workloads/base/hash.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -31,13 +33,14 @@ constexpr std::array kObeyed = {
     "HIP_",       "ROCR_",    "ROC_",       "AMD_",           "RADV_",    "INTEL_",    "IGC_",
     "NEO",        "ZE_",      "SYCL_",      "MESA_",          "RUSTICL_", "GALLIUM_",  "LIBGL_",
     "LP_",        "DRI_",     "PAN_",       "PANVK_",         "FD_",      "V3D_",      "ETNA_",
-    "MALI_",      "ADRENO_",  "QEMU_",      "ASAN_",          "TSAN_",    "UBSAN_"};
+    "MALI_",      "ADRENO_",  "QEMU_",      "ASAN_",          "TSAN_",    "UBSAN_",    "HWLOC_",
+    "GALLIVM_",   "ONEAPI_",  "FLEXIBLAS"};
 /// What they say where, or what they say aloud, changes no figure that counts: samples after the
 /// first call are warm.
 constexpr std::array kNotObeyed = {
-    "POCL_CACHE_DIR",      "CUDA_CACHE_PATH",       "NEO_CACHE_DIR",
-    "AMD_COMGR_CACHE_DIR", "OCL_ICD_DEBUG",         "CUDA_HOME",
-    "CUDA_PATH",           "MESA_SHADER_CACHE_DIR", "NVIDIA_VISIBLE_DEVICES"};
+    "POCL_CACHE_DIR",         "CUDA_CACHE_PATH", "NEO_CACHE_DIR", "AMD_COMGR_CACHE_DIR",
+    "OCL_ICD_DEBUG",          "CUDA_HOME",       "CUDA_PATH",     "MESA_SHADER_CACHE_DIR",
+    "NVIDIA_VISIBLE_DEVICES", "ONEAPI_ROOT"};
 
 /// Those of this kernel's that a program may have; empty for the usual.
 std::string scheduling() {
@@ -67,6 +70,11 @@ std::string scheduling() {
   if (policy <= 0 && slack_ns > 0 && slack_ns != kUsualSlackNs) {
     parts.push_back(fmt::format("timer slack {} ns", slack_ns));
   }
+  const int stores = ::prctl(PR_GET_SPECULATION_CTRL, PR_SPEC_STORE_BYPASS, 0, 0, 0);
+  constexpr auto kOff = PR_SPEC_DISABLE | PR_SPEC_FORCE_DISABLE;
+  if (stores > 0 && (static_cast<unsigned long>(stores) & kOff) != 0) {
+    parts.emplace_back("no loads ahead of stores");
+  }
   return join(parts, ", ");
 }
 
@@ -82,7 +90,9 @@ Environment inherited_environment(const char* const* variables) {
     if (std::ranges::none_of(kObeyed, begins) ||
         std::ranges::find(kNotObeyed, name) != kNotObeyed.end())
       continue;
-    const std::string value(text.substr(std::min(text.size(), name.size() + 1), kLongest));
+    const auto all = text.substr(std::min(text.size(), name.size() + 1));
+    std::string value(all.substr(0, kLongest));
+    if (all.size() > kLongest) value += fmt::format("... ({:016x})", Hash64().add(all).value());
     facts["env." + std::string(name)] = value.empty() ? "set, and empty" : value;
   }
   return facts;
@@ -95,21 +105,25 @@ Environment inherited_environment() {
 }
 
 Environment power_modes(const std::filesystem::path& root) {
+  // @source Documentation/ABI/testing: sysfs-platform_profile, sysfs-class-devfreq, sysfs-driver-
+  // intel-i915, sysfs-driver-intel-xe, gpu/amdgpu/thermal, power/powercap; nvpmodel of L4T;
+  // Documentation/admin-guide/pm: intel_pstate, intel_uncore_frequency_scaling.
+  constexpr std::array<std::pair<const char*, const char*>, 2> kOfTheMachine = {
+      {{"platform_profile", "sys/firmware/acpi/platform_profile"},
+       {"nvpmodel", "var/lib/nvpmodel/status"}}};
   struct Settings {
     std::string_view folder, begins;
-    std::vector<std::string_view> files;  ///< Of each entry; none = the entry is the file.
+    std::vector<std::string_view> files;  ///< Of each entry; "FOLDER/*/FILE" of each of FOLDER's.
   };
-  // @source Documentation/ABI/testing: sysfs-platform_profile, sysfs-class-devfreq, sysfs-driver-
-  // intel-i915, sysfs-driver-intel-xe, gpu/amdgpu/thermal, power/powercap; nvpmodel of L4T.
-  const std::array<Settings, 6> all = {{
-      {"sys/firmware/acpi", "platform_profile", {}},
-      {"var/lib/nvpmodel", "status", {}},
+  const std::array<Settings, 5> all = {{
+      {"sys/devices/system/cpu/intel_uncore_frequency", "", {"max_freq_khz"}},
       {"sys/class/devfreq", "", {"governor", "min_freq", "max_freq"}},
       {"sys/class/kgsl", "", {"max_gpuclk"}},
       {"sys/class/drm",
        "card",
        {"gt_max_freq_mhz", "gt_boost_freq_mhz", "device/power_dpm_force_performance_level",
-        "device/tile0/gt0/freq0/max_freq"}},
+        "device/tile0/gt0/freq0/max_freq", "device/hwmon/*/power1_cap",
+        "device/hwmon/*/power1_max"}},
       {"sys/class/powercap", "intel-rapl", {"constraint_0_power_limit_uw"}},
   }};
   Environment facts;
@@ -118,13 +132,22 @@ Environment power_modes(const std::filesystem::path& root) {
       facts["power_mode." + name] = *value;
     }
   };
+  for (const auto& [name, file] : kOfTheMachine) put(name, root / file);
+  const auto percent = root / "sys/devices/system/cpu/intel_pstate/max_perf_pct";
+  if (first_line(percent) != "100") put("max_perf_pct", percent);  // It is, where nobody limits it.
   for (const Settings& settings : all) {
     for (const auto& entry : folder_entries(root / settings.folder)) {
       const std::string name = entry.filename();
-      if (!name.starts_with(settings.begins) || name.starts_with("platform_profile_")) continue;
-      if (settings.files.empty()) put(name == "status" ? "nvpmodel" : name, entry);
+      if (!name.starts_with(settings.begins)) continue;
       for (const auto file : settings.files) {
-        put(name + "." + std::filesystem::path(file).filename().string(), entry / file);
+        const auto star = file.find("/*/");
+        const bool each = star != std::string_view::npos;
+        const auto folders = each ? folder_entries(entry / file.substr(0, star))
+                                  : std::vector<std::filesystem::path>{entry};
+        for (const auto& folder : folders) {
+          put(name + "." + std::filesystem::path(file).filename().string(),
+              folder / (each ? file.substr(star + 3) : file));
+        }
       }
     }
   }

@@ -164,6 +164,10 @@ std::vector<int> usable_cores() {
   return cores;
 }
 
+std::vector<int> cores_or_usable(const std::vector<int>& cores) {
+  return cores.empty() ? usable_cores() : cores;
+}
+
 YamlOverride parse_override(const std::string& text) {
   const auto equals = text.find('=');
   const std::string path = text.substr(0, equals);

@@ -166,6 +166,8 @@ inline constexpr std::string_view kOfItsDevice = " of its device, only of the ho
 [[nodiscard]] std::vector<std::string> shipped_platforms();
 /// Cores that this process may run on.
 [[nodiscard]] std::vector<int> usable_cores();
+/// @p cores of a unit; all usable ones where its platform names none.
+[[nodiscard]] std::vector<int> cores_or_usable(const std::vector<int>& cores);
 
 /// "--set unit.key=value" -> override. @throws Error{kBadInput} if it is not of that form.
 [[nodiscard]] YamlOverride parse_override(const std::string& text);

@@ -44,6 +44,9 @@ std::map<std::string, std::string> identity_of(const RunInfo& run) {
     identity[prefix + "device"] = unit.device;
     if (!unit.cores.empty()) {
       identity[prefix + "cores"] = fmt::format("{}", fmt::join(unit.cores, ","));
+    } else if (const auto usable = find_value(run.environment, "cores_usable");
+               usable && unit.device_is_cpu) {
+      identity[prefix + "cores"] = *usable;
     }
     // Runs of versions that could not tune do not say so.
     if (unit.backend == "opencl") identity.try_emplace(prefix + "tuning", "default");

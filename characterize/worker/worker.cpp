@@ -14,6 +14,7 @@
 
 #include "characterize/machine/answering.h"
 #include "characterize/machine/host_load.h"
+#include "characterize/platform/platform.h"
 #include "characterize/statistics/statistics.h"
 #include "characterize/worker/cache_sweep.h"
 #include "characterize/worker/job.h"
@@ -23,7 +24,6 @@
 #include "characterize/worker/resident_memory.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/base/system/affinity.h"
 #include "workloads/base/system/caches.h"
 #include "workloads/base/system/control_groups.h"
 #include "workloads/base/text/json.h"
@@ -179,7 +179,9 @@ class Worker {
     Json definitions = Json::array();
     for (const own::Definition& each : load_workloads(job_.own)) {
       if (!job_.own_digest.empty() && each.digest != job_.own_digest) {
-        throw_environment(job_.own + " is not what it was when the run began; start a new run");
+        throw_environment(job_.own +
+                          " is not what it was when the run began; start a new run; what its "
+                          "program writes itself stands under `writes`");
       }
       definitions.push_back(own::to_json(each));
     }
@@ -335,7 +337,7 @@ class Worker {
   };
   /// Processes where they may answer the device: elsewhere, or not yet known.
   [[nodiscard]] Before counters_before() {
-    return {counters(job_.unit.cores),
+    return {counters(cores_),
             device_ == nullptr || is_elsewhere() ? read_process_times() : ProcessTimes{}};
   }
   [[nodiscard]] bool is_elsewhere() const {
@@ -346,14 +348,12 @@ class Worker {
   [[nodiscard]] Interference interference_since(const Before& before) {
     if (device_->own_clock() != nullptr) return {};
     if (is_elsewhere()) {
-      const HostCounters after = counters(job_.unit.cores);
+      const HostCounters after = counters(cores_);
       const ProcessTimes processes = read_process_times();
       return interference_elsewhere(
           before.host, after, used_by(answering_processes(processes), before.processes, processes));
     }
-    const int cores = job_.unit.cores.empty() ? static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))
-                                              : static_cast<int>(job_.unit.cores.size());
-    return interference(before.host, counters(job_.unit.cores), cores);
+    return interference(before.host, counters(cores_), static_cast<int>(cores_.size()));
   }
 
   /// @return What of it is measured beside the device's own clock, which tells the preparation.
@@ -491,23 +491,21 @@ class Worker {
 
   void sample_cold() {
     if (job_.sampling.condition_samples == 0 || !computes_on_host()) return;
-    const auto cores = job_.unit.cores.empty() ? current_cores() : job_.unit.cores;
-    const auto own = own_cache_bytes(cores);
-    const auto last = reached_cache_bytes(cores);
-    sample_after_sweep(Condition::kColdCache, cores, own);
+    const auto own = own_cache_bytes(cores_);
+    const auto last = reached_cache_bytes(cores_);
+    sample_after_sweep(Condition::kColdCache, own);
     if (job_.sampling.cold_memory && last && last != own)
-      sample_after_sweep(Condition::kColdMemory, cores, last);
+      sample_after_sweep(Condition::kColdMemory, last);
   }
 
   /// Not of calls beside which filling the caches again is nothing: at most what emptying them
   /// takes.
-  void sample_after_sweep(Condition condition, const std::vector<int>& cores,
-                          std::optional<std::int64_t> bytes) {
+  void sample_after_sweep(Condition condition, std::optional<std::int64_t> bytes) {
     constexpr int kNothingBeside = 20;
     const auto execute = std::ranges::find(result_.phases, Phase::kExecute, &PhaseSamples::phase);
     if (!bytes || *bytes > most_filled_bytes() || execute == result_.phases.end()) return;
     begin(fmt::format("sampling {}", to_string(condition)));
-    CacheSweep sweep(cores, *bytes);
+    CacheSweep sweep(cores_, *bytes);
     const Nanos start = machine_.now();
     sweep.run();
     if (median(execute->samples) > kNothingBeside * (machine_.now() - start)) return;
@@ -564,16 +562,15 @@ class Worker {
              machine_.now() - begun_ < kLongestWindow);
     result_.metered = joined_repeats(repeats);
     const auto after = counters({});
-    const Interference disturbed =
-        interference(before, after, static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN)));
-    if (disturbed.contended) result_.metered->source += "; contended";
-    if (disturbed.throttled) result_.metered->reasons.emplace_back("throttled");
+    const auto online = static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN));
+    check_disturbance(*result_.metered, meters, interference(before, after, online));
     if (!verify("after metering")) {
       result_.metered->reasons.emplace_back("wrong_output");
     }
   }
 
   const Job& job_;
+  const std::vector<int> cores_ = cores_or_usable(job_.unit.cores);  // no driver has bound it yet
   Injection injection_;
   std::ostream* records_;
   JobResult& result_;

@@ -46,19 +46,21 @@ Json entry(const PhaseRow& row, const std::string& suffix, const std::string& ty
   std::string label(to_string(row.provenance));
   if (row.provenance.mixture) label += "; mixture";
   if (!row.notes.empty()) label += "; " + join(row.notes, "; ");
-  return {{"name", name + suffix},
-          {"run_name", name},
-          {"run_type", type},
-          {"repetitions", row.samples},
-          {"threads", 1},
-          {"iterations", 1},
-          {"real_time", value.count()},
-          {"cpu_time", value.count()},
-          {"time_unit", "ns"},
-          {"label", label},
-          {"provenance", to_string(row.provenance)},
-          {"mixture", row.provenance.mixture},
-          {"run_id", row.run_id}};
+  Json json = {{"name", name + suffix},
+               {"run_name", name},
+               {"run_type", type},
+               {"repetitions", row.samples},
+               {"threads", 1},
+               {"iterations", 1},
+               {"real_time", value.count()},
+               {"cpu_time", value.count()},
+               {"time_unit", "ns"},
+               {"label", label},
+               {"provenance", to_string(row.provenance)},
+               {"mixture", row.provenance.mixture},
+               {"run_id", row.run_id}};
+  if (!row.doubts.empty()) json["doubts"] = row.doubts;
+  return json;
 }
 
 void add_row(const PhaseRow& row, Json& benchmarks) {
@@ -92,7 +94,7 @@ BenchmarkExport export_google_benchmark(const Profile& profile) {
   BenchmarkExport result;
   Json benchmarks = Json::array();
   for (const PhaseRow& row : profile.phases) {
-    if (is_valid(row) && !row.values.empty()) {
+    if (is_used(row) && !row.values.empty()) {
       add_row(row, benchmarks);
     } else {
       result.left_out.push_back(benchmark_name(row) + ": " + join(held_against(row), ", "));

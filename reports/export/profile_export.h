@@ -44,12 +44,12 @@ enum class CsvTable : std::uint8_t { kProfile, kConditions, kUnitTimes, kEnergy,
 
 /// What Google Benchmark writes with --benchmark_format=json, for its compare.py and what else
 /// reads that: one entry of run_type iteration for each sample, so that compare.py's U test works,
-/// and aggregates median, mad, p95 and p99; in nanoseconds a call. Rows that are not valid are left
-/// out: readers would take them for figures. cpu_time repeats real_time, since readers ask for it
-/// and nothing else is known.
+/// and aggregates median, mad, p95 and p99; in nanoseconds a call. Rows that are not used are left
+/// out: readers would take them for figures. Doubted ones have `doubts`. cpu_time repeats
+/// real_time, since readers ask for it and nothing else is known.
 struct BenchmarkExport {
   Json json;
-  std::vector<std::string> left_out;  ///< Names of invalid rows, with their reasons.
+  std::vector<std::string> left_out;  ///< Names of rows that are not used, with their reasons.
 };
 [[nodiscard]] BenchmarkExport export_google_benchmark(const Profile& profile);
 

@@ -7,6 +7,7 @@
 #include <map>
 #include <utility>
 
+#include "characterize/statistics/proportions.h"
 #include "characterize/statistics/rank_tests.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
@@ -16,6 +17,8 @@ namespace {
 
 /// From here on two units are apart, and a candidate may be faster.
 constexpr double kApart = 0.05;
+/// What is less likely by chance is none: that the candidate lacks a figure so much more often.
+constexpr double kChance = 0.05;
 
 /// How likely so many blocks are to be faster by chance; 1 if they are not by enough.
 double faster_p(const DuetRule& rule) {
@@ -34,6 +37,15 @@ std::string undecided_reason(const DuetCellState& state, const DuetRule& rule, D
                      end == DuetEnd::kStopped ? "interrupted" : "the time was up", blocks);
 }
 
+std::string inconclusive_reason(const DuetSeries& series) {
+  const std::size_t blocks = series.rule.blocks().size() + series.rule.confirmation().size();
+  if (series.without < kMostWithout) {
+    return fmt::format("neither slower nor not after {} blocks: too noisy here", blocks);
+  }
+  return fmt::format("it was missing, or 0, in {} of {} blocks", series.without,
+                     blocks + series.without);
+}
+
 /// What to say where the candidate had no figure more often than the baseline: what is left may be
 /// its best runs. Empty if it had not.
 std::string without_text(const RunsWithout& runs) {
@@ -43,6 +55,15 @@ std::string without_text(const RunsWithout& runs) {
       "{} of the candidate's runs lacked the figure, or a 0 that is the best there is, {} of the "
       "baseline's",
       of_candidate, of_base);
+}
+
+/// Whether that is more than chance.
+bool lacks_more_often(const DuetSeries& series) {
+  const auto runs = static_cast<std::int64_t>(
+      2 * (series.rule.blocks().size() + series.rule.confirmation().size() + series.without));
+  const auto [of_base, of_candidate] = series.runs_without;
+  return fisher_p(static_cast<std::int64_t>(of_base), runs, static_cast<std::int64_t>(of_candidate),
+                  runs) < kChance;
 }
 
 GateRow series_row(const DuetCellState& state, const std::string& phase, const DuetSeries& series,
@@ -63,7 +84,7 @@ GateRow series_row(const DuetCellState& state, const std::string& phase, const D
       break;
     case DuetVerdict::kNotSlower:
       row.reason = without_text(series.runs_without);
-      if (!row.reason.empty()) {
+      if (lacks_more_often(series)) {
         row.verdict = GateVerdict::kInconclusive;
         break;
       }
@@ -77,8 +98,7 @@ GateRow series_row(const DuetCellState& state, const std::string& phase, const D
       break;
     case DuetVerdict::kInconclusive:
       row.verdict = GateVerdict::kInconclusive;
-      row.reason = fmt::format("neither slower nor not after {} blocks: too noisy here",
-                               rule.blocks().size() + rule.confirmation().size());
+      row.reason = inconclusive_reason(series);
       break;
     case DuetVerdict::kRefused:
       row.verdict = GateVerdict::kInconclusive;

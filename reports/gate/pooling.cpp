@@ -6,6 +6,7 @@
 #include "characterize/profile/identity.h"
 #include "characterize/profile/own_rows.h"
 #include "characterize/statistics/statistics.h"
+#include "workloads/base/text/json.h"
 #include "workloads/own/definition.h"
 
 namespace pirt {
@@ -27,13 +28,14 @@ void add(const PhaseRow& other, std::int32_t offset, PhaseRow& row) {
   row.ci_high = std::max(*row.ci_high, *other.ci_high);
 }
 
-/// Whether both runs measured the same of somebody else's @p workload.
+/// Whether both runs measured the same of somebody else's @p workload, wherever its file lay.
 bool is_same_definition(const RunInfo& a, const RunInfo& b, const std::string& workload) {
-  const auto definition = [&](const RunInfo& run) {
+  const auto digest = [&](const RunInfo& run) {
     const auto fact = run.environment.find(std::string(kOwnFact) + own::plain_name(workload));
-    return fact == run.environment.end() ? std::string() : fact->second;
+    return fact == run.environment.end() ? std::string()
+                                         : own::definition_from(parse_json(fact->second)).digest;
   };
-  return definition(a) == definition(b);
+  return digest(a) == digest(b);
 }
 
 }  // namespace

@@ -7,7 +7,6 @@
 #include "reports/document/figures.h"
 #include "reports/paper/paper_figures.h"
 #include "reports/run/run_report.h"
-#include "workloads/base/text/shell.h"
 
 namespace pirt {
 namespace {
@@ -133,10 +132,7 @@ Table scheduling_table(std::span<const RunRecord> runs) {
                     "paper's rows are of a Snapdragon 820, by the roles of the units.",
                     std::string(provenance_legend())}};
   if (!runs.empty()) {
-    table.origin = fmt::format(
-        "pirt schedule --compare {} --mix {} --platform {}{} --seed {}",
-        "throughput,latency,energy", in_shell(runs[0].mix), in_shell(runs[0].platform),
-        runs[0].profile ? " --profile " + path_in_shell(*runs[0].profile) : "", runs[0].seed);
+    table.origin = compare_command(runs[0], "throughput,latency,energy");
   }
   const auto units = unit_names(runs);
   for (const auto& unit : units) table.columns.push_back({unit + " ms"});

@@ -122,7 +122,7 @@ Chart side_by_side_chart(std::span<const Profile> profiles) {
 Table best_units_table(std::span<const Profile> profiles) {
   Table table{.title = "The best unit of each workload, side by side",
               .columns = {{"workload", Align::kLeft}},
-              .footnotes = {"Of valid rows; a = b where the intervals of the two overlap.",
+              .footnotes = {"Of rows that are used; a = b where the intervals of the two overlap.",
                             std::string(provenance_legend())}};
   std::vector<std::vector<Preference>> all;
   const auto names = names_of(profiles);

@@ -9,7 +9,6 @@
 #include "reports/run/live_terms.h"
 #include "reports/run/run_report.h"
 #include "workloads/base/text/json.h"
-#include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -34,13 +33,8 @@ std::string name_of(const RunRecord& run) {
 
 /// What makes the prediction that is missing.
 std::string command_of(const RunRecord& live) {
-  std::string command = fmt::format("pirt schedule --mode {}", live.mode);
-  if (live.basic) command += " --basic " + *live.basic;
-  if (live.profile) command += " --profile " + path_in_shell(*live.profile);
-  command += fmt::format(" --platform {} --mix {}", in_shell(live.platform), in_shell(live.mix));
-  if (live.duration_s) command += fmt::format(" --duration {}s", figure(*live.duration_s));
-  if (live.in_flight) command += fmt::format(" --in-flight {}", *live.in_flight);
-  return command + fmt::format(" --seed {} --json virtual.json", live.seed);
+  return fmt::format("pirt schedule --mode {}{}{} --seed {} --json virtual.json", live.mode,
+                     scenario_flags(live), flags_of(live), live.seed);
 }
 
 /// "virtual time, its samples drawn".

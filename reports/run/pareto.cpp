@@ -12,7 +12,6 @@
 #include "scheduler/record/interval.h"
 #include "scheduler/record/keeping_up.h"
 #include "workloads/base/text/json.h"
-#include "workloads/base/text/shell.h"
 
 namespace pirt {
 namespace {
@@ -86,13 +85,6 @@ ReferenceLine front(const std::vector<ModePoint>& points, const Second& second,
   return line;
 }
 
-std::string origin_of(const RunRecord& run) {
-  std::string text = "pirt schedule --compare --mix " + in_shell(run.mix) + " --platform " +
-                     in_shell(run.platform);
-  if (run.profile) text += " --profile " + path_in_shell(*run.profile);
-  return text + fmt::format(" --seed {}", run.seed);
-}
-
 std::optional<double> bound_mj(const RunRecord& run) {
   if (!run.bounds || !run.bounds->energy_j || run.completed == 0) return std::nullopt;
   return *run.bounds->energy_j * 1e3 / static_cast<double>(run.completed);
@@ -125,6 +117,17 @@ Mark mark_of(const ModePoint& point, double y) {
           .provenance = provenance_of(*point.run)};
 }
 
+/// What makes the points again.
+std::string points_command(const std::vector<ModePoint>& points) {
+  const RunRecord& first = *points.front().run;
+  std::string command = compare_command(first);
+  // Where they differ, each has as many as its mode or its platform wants.
+  const bool equal = std::ranges::all_of(
+      points, [&](const ModePoint& point) { return point.run->in_flight == first.in_flight; });
+  if (equal && first.in_flight) command += fmt::format(" --in-flight {}", *first.in_flight);
+  return command;
+}
+
 Chart rate_chart(const std::vector<ModePoint>& points) {
   const RunRecord& first = *points.front().run;
   Chart chart{.kind = ChartKind::kScatter,
@@ -145,7 +148,7 @@ Chart rate_chart(const std::vector<ModePoint>& points) {
            "beaten by: in rate, energy and p99 from firing to completion, as far as the two can be "
            "told apart.",
            std::string(provenance_legend())},
-      .origin = origin_of(first)};
+      .origin = points_command(points)};
   for (const ModePoint& point : points) {
     const RunBounds bounds = point.run->bounds.value_or(RunBounds{});
     const RunMarks marks = marks_of(*point.run);
@@ -190,7 +193,7 @@ Chart latency_chart(const std::vector<ModePoint>& points) {
       .footnotes = {"p99 from firing to completion. late: firings past their "
                     "deadline. A mode that drops or offloads has less to serve.",
                     std::string(provenance_legend())},
-      .origin = origin_of(first)};
+      .origin = points_command(points)};
   for (const ModePoint& point : points) {
     const RunRecord& run = *point.run;
     const RunMarks marks = marks_of(run);

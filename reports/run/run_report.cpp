@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <set>
@@ -10,6 +11,7 @@
 
 #include "characterize/platform/platform.h"
 #include "reports/document/figures.h"
+#include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
 #include "workloads/model/phase.h"
 
@@ -22,7 +24,7 @@ std::string tried_text(const std::vector<TriedPlan>& tried) {
   std::vector<std::string> figures;
   for (const TriedPlan& each : tried) {
     if (each.taken) follows = each.name;
-    figures.push_back(fmt::format("{} {} late, {} ms, {} mJ a task", each.name, each.late,
+    figures.push_back(fmt::format("{} {} late, {} ms a firing, {} mJ a task", each.name, each.late,
                                   figure(each.latency_ms), figure(each.energy_mj)));
   }
   return "follows: " + follows + "; tried before: " + join(figures, "; ");
@@ -542,6 +544,41 @@ std::string doubts_text(const RunRecord& run) {
   if (!parts.empty()) text += ": other programs took up to " + join(parts, " and ");
   if (wild) text += "; some by more than a factor of 4, marked ??";
   return text + "; `pirt doctor` says what disturbs this machine.";
+}
+
+std::string scenario_flags(const RunRecord& run) {
+  const auto name = [](const std::string& shipped, const std::optional<std::string>& file) {
+    return file ? path_in_shell(*file) : in_shell(shipped);
+  };
+  std::string flags;
+  if (run.profile) {
+    flags +=
+        " --profile " + path_in_shell((std::filesystem::current_path() / *run.profile).string());
+  }
+  flags += " --platform " + name(run.platform, run.platform_file);
+  flags += " --mix " + name(run.mix, run.mix_file);
+  // To the last digit: only a run of just that duration is held beside it.
+  if (run.duration_s) flags += fmt::format(" --duration {}s", *run.duration_s);
+  return flags;
+}
+
+std::string flags_of(const RunRecord& run) {
+  std::string flags;
+  if (run.basic) flags += " --basic " + *run.basic;
+  if (run.in_flight) flags += fmt::format(" --in-flight {}", *run.in_flight);
+  if (run.objective) flags += " --objective " + *run.objective;
+  if (run.min_rate_per_ms) flags += fmt::format(" --min-rate {}", *run.min_rate_per_ms);
+  if (run.power_cap_w) flags += fmt::format(" --power-cap {}W", *run.power_cap_w);
+  if (run.overflow == "literal") flags += " --overflow literal";
+  if (run.draw.value_or("median") != "median") flags += " --draw " + *run.draw;
+  return flags;
+}
+
+std::string compare_command(const RunRecord& run, const std::string& modes) {
+  std::string text =
+      "pirt schedule --compare" + (modes.empty() ? "" : " " + modes) + scenario_flags(run);
+  if (run.draw.value_or("median") != "median") text += " --draw " + *run.draw;
+  return text + fmt::format(" --seed {}", run.seed);
 }
 
 }  // namespace pirt

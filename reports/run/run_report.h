@@ -56,4 +56,13 @@ struct RunMarks {
 /// ..."; empty where none is.
 [[nodiscard]] std::string doubts_text(const RunRecord& run);
 
+/// What it ran, as flags of pirt schedule in any folder: " --profile /home/me/p.db --platform host
+/// --mix /home/me/mine.yaml --duration 10s".
+[[nodiscard]] std::string scenario_flags(const RunRecord& run);
+/// How it was asked for besides, but for mode, weights and seed: " --in-flight 3 --draw p95".
+[[nodiscard]] std::string flags_of(const RunRecord& run);
+/// What compares modes as these were, of which @p run is one.
+/// @param modes  With commas; empty = all.
+[[nodiscard]] std::string compare_command(const RunRecord& run, const std::string& modes = "");
+
 }  // namespace pirt

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <map>
 
 #include "reports/gate/self_test.h"
 #include "tests/support/errors.h"
@@ -115,15 +116,15 @@ TEST(DuetGate, AFigureThatTheFirstProcessesDoNotAllHaveIsNamedAndNotJudged) {
   EXPECT_THAT(result.rows[1].reason, HasSubstr("each of the first processes"));
 }
 
-/// Of two commands of the same rate, whose runs of @p side print 0 where @p prints_0 says so of
-/// their number, from 1 on.
-GateRow rate_of(Side side, const std::function<bool(int)>& prints_0) {
+/// Of two commands of the same rate, whose runs of each of @p sides print 0 where @p prints_0 says
+/// so of their number, from 1 on.
+GateRow rate_of(const std::vector<Side>& sides, const std::function<bool(int)>& prints_0) {
   DuetComparison comparison({{std::string(kCommandCell), ""}}, 1);
   Ledger nowhere;
-  int runs = 0;
+  std::map<Side, int> runs;
   const auto take = [&](Side of, const DuetCell&, SampleKind, Nanos) {
     Sample sample;
-    const bool is_0 = of == side && prints_0(++runs);
+    const bool is_0 = std::ranges::count(sides, of) > 0 && prints_0(++runs[of]);
     sample.seconds = {{"time", 1.0}, {"rate", is_0 ? 0.0 : 100.0}};
     sample.measures = {{"rate", {"MB/s", true}}};
     return SampleOutcome{.sample = sample, .error = {}};
@@ -134,20 +135,30 @@ GateRow rate_of(Side side, const std::function<bool(int)>& prints_0) {
 }
 
 TEST(DuetGate, AFigureThatTheCandidateHasNotAsOftenIsInconclusive) {
-  const auto at_times = [](int run) { return run % 8 == 0; };
-  const GateRow lost = rate_of(kB, at_times);
+  // Two a block from the second on; 5 of 26 are more than chance.
+  const auto at_times = [](int run) { return run % 5 == 0; };
+  const GateRow lost = rate_of({kB}, at_times);
   EXPECT_EQ(lost.verdict, GateVerdict::kInconclusive);
   EXPECT_THAT(
       lost.reason,
       HasSubstr(
-          "of the candidate's runs lacked the figure, or a 0 that is the best there is, 0 of"));
-  EXPECT_EQ(rate_of(kA, at_times).verdict, GateVerdict::kSame);
+          "5 of the candidate's runs lacked the figure, or a 0 that is the best there is, 0 of"));
+  EXPECT_EQ(rate_of({kA}, at_times).verdict, GateVerdict::kSame);
+  const GateRow once = rate_of({kB}, [](int run) { return run == 9; });
+  EXPECT_EQ(once.verdict, GateVerdict::kSame) << "that may be chance";
+  EXPECT_THAT(once.reason, HasSubstr("1 of the candidate's runs"));
   // The first runs that count are the second and the third.
   const auto at_first = [](int run) { return run == 2; };
-  const GateRow passing = rate_of(kB, at_first);
+  const GateRow passing = rate_of({kB}, at_first);
   EXPECT_EQ(passing.verdict, GateVerdict::kInconclusive);
   EXPECT_THAT(passing.reason, HasSubstr("1 of the candidate's runs"));
-  EXPECT_EQ(rate_of(kA, at_first).verdict, GateVerdict::kNotJudged);
+  EXPECT_EQ(rate_of({kA}, at_first).verdict, GateVerdict::kNotJudged);
+}
+
+TEST(DuetGate, AFigureThatBothLackOftenIsNotCalledNoisy) {
+  const GateRow row = rate_of({kA, kB}, [](int run) { return run > 3 && run % 3 == 0; });
+  EXPECT_EQ(row.verdict, GateVerdict::kInconclusive);
+  EXPECT_EQ(row.reason, "it was missing, or 0, in 8 of 13 blocks");
 }
 
 TEST(DuetGate, WhatTimeDidNotAllowIsInconclusive) {

@@ -6,9 +6,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "reports/run/run_report.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/shell.h"
 
 namespace pirt {
 namespace {
@@ -132,8 +134,34 @@ TEST(LiveReport, NamesWhatVirtualTimeLeavesOutAndWhatIsMissing) {
     EXPECT_THAT(text, HasSubstr(part));
   }
   EXPECT_THAT(text, HasSubstr("pirt schedule --mode throughput --platform board --mix small "
-                              "--duration 10.0s --seed 1 --json virtual.json"));
+                              "--duration 10s --seed 1 --json virtual.json"));
+  RunRecord asked = run_of("live");
+  asked.objective = "energy";
+  asked.power_cap_w = 7.5;
+  asked.draw = "p95";
+  asked.duration_s = 2.013712345;  // It was stopped.
+  EXPECT_THAT(render({.title = "t", .parts = live_parts(std::vector{asked}, {})}, Format::kText),
+              HasSubstr("--duration 2.013712345s --objective energy --power-cap 7.5W --draw p95 "
+                        "--seed 1 --json"));
   EXPECT_TRUE(live_parts(std::vector{run_of("virtual")}, {}).empty());
+}
+
+TEST(LiveReport, WhatMakesThePredictionHoldsInAnyFolder) {
+  RunRecord live = run_of("live");
+  live.profile = "p.db";
+  live.platform_file = "/robots/my board.yaml";
+  live.mix_file = "/robots/small.yaml";
+  EXPECT_THAT(
+      render({.title = "t", .parts = live_parts(std::vector{live}, {})}, Format::kText),
+      HasSubstr("--profile " + path_in_shell(std::filesystem::absolute("p.db").string()) +
+                " --platform '/robots/my board.yaml' --mix /robots/small.yaml --duration 10s"));
+  // It is the same mix, wherever its file is.
+  RunRecord predicted = run_of("virtual");
+  predicted.profile = "p.db";
+  predicted.mix_file = "/elsewhere/small.yaml";
+  const std::vector<RunRecord> runs = {live, predicted};
+  EXPECT_EQ(live_runs(runs).at(0).predictions.size(), 1U);
+  EXPECT_TRUE(ran_the_same(live, predicted));
 }
 
 TEST(LiveReport, ARowIsContradictedFarFromTheIntervalOfItsMedian) {

@@ -122,6 +122,26 @@ TEST(Pareto, DrawsBothBoundsAndTheFront) {
   EXPECT_EQ(charts[0].lines[2].x, 0.5);
 }
 
+TEST(Pareto, WhatMakesItsPointsHoldsInAnyFolder) {
+  std::vector<RunRecord> runs = {run("a", 1, 2, 10), run("b", 1, 1.5, 9)};
+  for (RunRecord& each : runs) {
+    each.platform_file = "/robots/my board.yaml";
+    each.mix_file = "/robots/mine.yaml";
+    each.duration_s = 2.013712345;
+    each.in_flight = 3;
+  }
+  const std::string command =
+      "pirt schedule --compare --platform '/robots/my board.yaml' --mix /robots/mine.yaml "
+      "--duration 2.013712345s --seed 1";
+  for (const Chart& chart : pareto_charts(mode_points(runs))) {
+    EXPECT_EQ(chart.table.origin, command + " --in-flight 3");
+  }
+  runs[1].in_flight = 7;
+  for (const Chart& chart : pareto_charts(mode_points(runs))) {
+    EXPECT_EQ(chart.table.origin, command);
+  }
+}
+
 TEST(Pareto, TasksWithoutAPredecessorAreNotDropped) {
   auto first = run("a", 1, 2, 10);
   first.dropped = 5;

@@ -14,12 +14,12 @@
 namespace pirt {
 namespace {
 
-/// Appends a run of my.pooled, from a file with that digest.
+/// Appends a run of my.pooled, from a file with that digest at @p source.
 void add_run(const std::filesystem::path& file, const std::string& digest,
-             const std::vector<std::string>& notes) {
+             const std::vector<std::string>& notes, const char* source = "/robot/w.yaml") {
   own::Definition definition;
   definition.name = "my.pooled";
-  definition.source = "/robot/w.yaml";
+  definition.source = source;
   definition.digest = digest;
   definition.outputs = {own::tensor_from("out", "u8[4]")};
   definition.backends = {"cpu"};
@@ -38,7 +38,7 @@ TEST(Pooling, RunsOfAnEditedWorkloadFileAreTwoPrograms) {
   for (const auto& [name, older, runs] :
        {std::tuple("same.db", "1", 2), std::tuple("edited.db", "0", 1)}) {
     SCOPED_TRACE(name);
-    add_run(folder / name, older, {});
+    add_run(folder / name, older, {}, "/builds/1/w.yaml");
     add_run(folder / name, "1", {});
     const ProfileReader reader(folder / name);
     Profile profile = reader.read();

@@ -119,6 +119,15 @@ TEST(ProfileExport, GoogleBenchmarkLeavesOutWhatIsNotValid) {
   EXPECT_EQ(json_text(result.json["benchmarks"]).find("prepare"), std::string::npos);
 }
 
+TEST(ProfileExport, GoogleBenchmarkHasWhatIsDoubtedAndSaysSo) {
+  Profile data = small_data();
+  data.phases[1].doubts = {"contended"};
+  const auto result = export_google_benchmark(data);
+  EXPECT_THAT(result.left_out, SizeIs(1)) << "as without the doubt";
+  EXPECT_EQ(result.json["benchmarks"][0]["name"], "sobel/cpu/call/real_time");
+  EXPECT_EQ(result.json["benchmarks"][0]["doubts"], std::vector<std::string>{"contended"});
+}
+
 TEST(ProfileExport, KeepsTheWorkloadsOfAFilter) {
   auto profile = test::small_profile(1);
   keep_workloads(profile, "^fc");

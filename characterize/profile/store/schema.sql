@@ -9,12 +9,14 @@
 -- Words in `reasons` (why a row is no figure of its workload on its unit: it is shown, and never used), `doubts` (why its interval is wide:
 -- it is used, and marked) and `notes` (what to know about it) are separated by "; ", and "" means none. `valid` = 1: neither reasons nor doubts.
 --   doubts:  few_samples       fewer samples than asked for, or from fewer than 3 processes; fewer set-ups than asked for
+--            few_samples: TEXT of a unit beside its calls: taking the others failed
 --            throttled         the processor or the container was throttled while a quarter of the processes or more were timed
 --            unstable          first and second half of the samples or of the processes differ, also after one re-measurement
 --            imprecise         half the interval is more than 20 % of the median; of a call's phases, and more than 5 % of the call; of
 --                              set-ups, and more than 1 ms (of two, the interval is what they span)
 --            contended         others used more than 5 % of the unit's cores beside a quarter of the processes, also after one
---                              re-measurement, and the cell's precision was not reached, or they used 25 %; of set-ups, they used 25 %
+--                              re-measurement, and the cell's precision was not reached, or they used 25 %; of set-ups, they used 25 %;
+--                              of a meter's joules, they used more than 5 % of the machine's cores
 --            odd_stamps        more than 1 % of the device's stamps say that launching took longer than the execution that it is part of
 --            unstable: TEXT    energy only: idling before and after, or calls metered and timed, differ
 --   reasons: wrong_output      the output did not match the reference, before or after timing

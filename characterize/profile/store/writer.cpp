@@ -51,6 +51,18 @@ void insert_samples(const Connection& connection, std::int64_t id, const PhaseRe
   }
 }
 
+/// From median_ns to ci_high_ns; NULL where there are no samples.
+void bind_statistics(const std::optional<Statistics>& s, Statement& insert) {
+  const auto of = [&s](Nanos Statistics::*member) {
+    return s ? std::optional((*s).*member) : std::nullopt;
+  };
+  insert.bind(of(&Statistics::median)).bind(of(&Statistics::mad));
+  insert.bind(of(&Statistics::p95)).bind(of(&Statistics::p99));
+  const auto interval = s ? s->interval : std::nullopt;
+  insert.bind(interval ? std::optional(interval->low) : std::nullopt);
+  insert.bind(interval ? std::optional(interval->high) : std::nullopt);
+}
+
 void insert_phase(const Connection& connection, std::int64_t cell_id, const PhaseRecord& record) {
   assert((!record.samples.empty() || !record.reasons.empty()) &&
          "a row without samples needs a reason");
@@ -62,9 +74,6 @@ void insert_phase(const Connection& connection, std::int64_t cell_id, const Phas
       cpu = median(record.cpu, processes_of(record));
     }
   }
-  const auto of = [&s](Nanos Statistics::*member) {
-    return s ? std::optional((*s).*member) : std::nullopt;
-  };
   Statement insert(
       connection,
       "INSERT INTO measurement (cell_id, phase, state, provenance, valid, reasons, notes, "
@@ -79,11 +88,7 @@ void insert_phase(const Connection& connection, std::int64_t cell_id, const Phas
   insert.bind(static_cast<std::int64_t>(record.samples.size()));
   const auto processes = processes_of(record);
   insert.bind(static_cast<std::int64_t>(std::set(processes.begin(), processes.end()).size()));
-  insert.bind(of(&Statistics::median)).bind(of(&Statistics::mad));
-  insert.bind(of(&Statistics::p95)).bind(of(&Statistics::p99));
-  const auto interval = s ? s->interval : std::nullopt;
-  insert.bind(interval ? std::optional(interval->low) : std::nullopt);
-  insert.bind(interval ? std::optional(interval->high) : std::nullopt);
+  bind_statistics(s, insert);
   insert.bind(std::int64_t{record.provenance.mixture}).bind(record.bound);
   insert.bind(cpu).bind(record.taken).bind(join_words(record.doubts)).run();
   insert_samples(connection, connection.last_row_id(), record);
@@ -325,17 +330,10 @@ void ProfileWriter::write_unit_times(std::int64_t run_id, std::span<const UnitTi
     assert((!record.samples.empty() || !record.reasons.empty()) && "no samples need a reason");
     std::optional<Statistics> s;
     if (!record.samples.empty()) s = summarize(record.samples);
-    const auto of = [&s](Nanos Statistics::*member) {
-      return s ? std::optional((*s).*member) : std::nullopt;
-    };
-    const auto interval = s ? s->interval : std::nullopt;
     insert.bind(run_id).bind(record.unit).bind(to_string(record.phase)).bind(record.sleep);
     insert.bind(std::int64_t{is_valid(record)}).bind(join_words(record.reasons));
     insert.bind(static_cast<std::int64_t>(record.samples.size()));
-    insert.bind(of(&Statistics::median)).bind(of(&Statistics::mad));
-    insert.bind(of(&Statistics::p95)).bind(of(&Statistics::p99));
-    insert.bind(interval ? std::optional(interval->low) : std::nullopt);
-    insert.bind(interval ? std::optional(interval->high) : std::nullopt);
+    bind_statistics(s, insert);
     insert.bind(join_words(record.doubts)).run();
     const std::int64_t id = connection.last_row_id();
     std::int64_t position = 0;

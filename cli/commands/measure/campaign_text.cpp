@@ -158,9 +158,13 @@ std::string plan_text(const CampaignPlan& plan, const CampaignOptions& campaign)
 
 std::string nothing_text(const Profile& profile) {
   std::map<std::string, std::vector<CellName>> by_reason;
+  std::vector<CellName> told;
   for (const PhaseRow& row : profile.phases) {
-    if (row.phase != Phase::kCall) continue;
-    by_reason[join(row.reasons, ", ")].push_back({row.workload, row.unit});
+    const CellName cell{row.workload, row.unit};
+    if (is_setup(row.phase) || std::ranges::find(told, cell) != told.end()) continue;
+    told.push_back(cell);
+    const PhaseRow* const call = profile.find(row.workload, row.unit, Phase::kCall);
+    by_reason[join((call != nullptr ? *call : row).reasons, ", ")].push_back(cell);
   }
   std::vector<std::string> texts;
   for (const auto& [reason, cells] : by_reason) texts.push_back(cells_text(cells) + ": " + reason);

@@ -14,7 +14,7 @@ namespace pirt::cli {
 [[nodiscard]] std::string progress_text(const Progress& progress);
 [[nodiscard]] Json plan_json(const CampaignPlan& plan);
 [[nodiscard]] std::string plan_text(const CampaignPlan& plan, const CampaignOptions& campaign);
-/// Why no row of the profile has a figure.
+/// Why no row of a call has a figure.
 [[nodiscard]] std::string nothing_text(const Profile& profile);
 /// What the time did not suffice for, and what to do; "" if it did.
 [[nodiscard]] std::string out_of_time_text(const CampaignSummary& summary, const CampaignPlan& plan,

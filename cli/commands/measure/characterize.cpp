@@ -275,11 +275,16 @@ int characterize(const CharacterizeFlags& options) {
     throw_environment(fmt::format("interrupted; {} cells are complete and {} were begun; {}",
                                   summary.cells, summary.cells_begun, resume_hint(options)));
   }
-  if (std::ranges::none_of(profile.phases, [](const PhaseRow& row) { return is_used(row); })) {
+  // Set-ups are timed also where no call is right.
+  const auto no_call = [&profile](bool (*is)(const PhaseRow&)) {
+    return std::ranges::none_of(
+        profile.phases, [is](const PhaseRow& row) { return !is_setup(row.phase) && is(row); });
+  };
+  if (no_call(is_used<PhaseRow>)) {
     throw_environment(nothing_text(profile));
   }
-  if (options.strict && std::ranges::none_of(profile.phases, is_valid<PhaseRow>)) {
-    warn("no row is free of doubt, which --strict asks for");
+  if (options.strict && no_call(is_valid<PhaseRow>)) {
+    warn("no row of a call is free of doubt, which --strict asks for");
     return kExitInconclusive;
   }
   if (fits && !fit.complete) {
@@ -342,7 +347,7 @@ void add_characterize(CLI::App& app, Action& action) {
             "Total time after which nothing begins to be measured, e.g. 5min; with --resume, that "
             "of the whole run (default: 15 s a cell, or 3min if that is more; 3min with --quick)");
   command.add_flag("--strict", options->strict,
-                   "Exit code 3 if every row that was measured is uncertain (?)");
+                   "Exit code 3 if every row of calls that was measured is uncertain (?)");
   add_seed(command, options->seed, "Seed of inputs, weights and the order of measuring");
   command.add_flag(
       "--quick", options->quick,

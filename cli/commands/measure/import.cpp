@@ -61,7 +61,7 @@ int import(const ImportFlags& options) {
   Publication publication = read_publication(options.file, read_text(options.file));
   choose(publication, options);
   const std::string source = options.source.value_or(options.file);
-  ProfileWriter writer(options.database);
+  std::optional<ProfileWriter> writer;  // made once there is something to store
   Table table{.title = fmt::format("Figures of {} ({})", options.file, publication.format),
               .columns = {{"platform", Align::kLeft},
                           {"edition", Align::kLeft},
@@ -77,7 +77,8 @@ int import(const ImportFlags& options) {
                                      ": no time of a call is given, so that it has no run");
       continue;
     }
-    const auto run_id = write_published(writer, board, source);
+    if (!writer) writer.emplace(options.database);
+    const auto run_id = write_published(*writer, board, source);
     Json rows = Json::array();
     for (const PublishedFigure& figure : board.figures) {
       table.rows.push_back({board.name, board.edition.empty() ? "-" : board.edition, figure.unit,

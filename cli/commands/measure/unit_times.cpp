@@ -83,7 +83,7 @@ std::vector<UnitTimePart> unit_time_parts(const UnitRecord& unit) {
          .expected = expected(kLeaves, kSample),
          .measure = [cores = unit.cores](int samples) { return measure_leave(cores, samples); }});
   }
-  add_rereads(unit.cores.empty() ? usable_cores() : unit.cores, parts);
+  add_rereads(cores_or_usable(unit.cores), parts);
   return parts;
 }
 

@@ -65,7 +65,7 @@ std::string exported(const ExportFlags& options) {
     return json_text(json, 1) + "\n";
   }
   const auto result = export_google_benchmark(load());
-  for (const auto& row : result.left_out) warn("not exported, since it is not valid: " + row);
+  for (const auto& row : result.left_out) warn("not exported, since it is not used: " + row);
   return json_text(result.json, 1) + "\n";
 }
 

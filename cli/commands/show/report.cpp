@@ -24,6 +24,7 @@
 #include "reports/profile/profile_report.h"
 #include "reports/profile/setup_report.h"
 #include "reports/run/comparison_report.h"
+#include "reports/run/run_report.h"
 #include "reports/run/timeline.h"
 #include "scheduler/policies/policy.h"
 #include "scheduler/schedule.h"
@@ -71,12 +72,8 @@ void write(const ReportFlags& options, const Document& document, const MakeJson&
   }
   const std::size_t columns = options.output || options.json.to_stdout() ? 0 : stdout_columns();
   const std::string text = render(document, format, columns);
-  if (options.output) {
-    emit_text(text, options.output);
-    if (options.json) emit("", json, options.json);
-  } else {
-    emit(text, json, options.json);
-  }
+  if (options.output) emit_text(text, options.output);
+  emit(options.output ? "" : text, json, options.json);
 }
 
 /// The files of the command line by what is in them.
@@ -207,39 +204,47 @@ ModeRuns modelled_runs(const ReportFlags& options, const Mix& mix,
                    nullptr, mix, modes, {});
 }
 
-/// Makes @p schedule what @p run was made by, but for its mode and seed.
-/// @return  The same as flags.
-std::string take_settings(const RunRecord& run, const Mix& mix, ScheduleOptions& schedule) {
-  std::string flags;
+/// Makes @p schedule what @p run was made by, as flags_of has it.
+void take_settings(const RunRecord& run, const Mix& mix, ScheduleOptions& schedule) {
+  if (run.basic) schedule.basic = *run.basic;
+  schedule.in_flight = run.in_flight;
   if (run.objective && find_policy(run.mode).budgets) {
     schedule.objective = find_objective(*run.objective);
-    flags += " --objective " + *run.objective;
     if (!mix.fires_once()) {
       schedule.min_rate_per_ms = run.min_rate_per_ms;
       schedule.power_cap_w = run.power_cap_w;
     }
-    if (schedule.min_rate_per_ms) flags += fmt::format(" --min-rate {}", *schedule.min_rate_per_ms);
-    if (schedule.power_cap_w) flags += fmt::format(" --power-cap {}W", *schedule.power_cap_w);
   }
-  if (run.overflow == "literal") {
-    schedule.overflow = Overflow::kLiteral;
-    flags += " --overflow literal";
-  }
-  if (run.draw) {
-    schedule.draw = find_draw(*run.draw);
-    if (schedule.draw != Draw::kMedian) flags += " --draw " + *run.draw;
-  }
+  if (run.overflow == "literal") schedule.overflow = Overflow::kLiteral;
+  if (run.draw) schedule.draw = find_draw(*run.draw);
+}
+
+/// What was given beside the database, as flags of pirt schedule in any folder.
+std::string given_flags(const ReportFlags& options) {
+  const auto place = [](const std::string& file) {
+    return path_in_shell(std::filesystem::absolute(file).string());
+  };
+  const auto name = [&place](const std::string& shipped_or_file) {
+    return names_a_file(shipped_or_file) ? place(shipped_or_file) : in_shell(shipped_or_file);
+  };
+  std::string flags;
+  if (options.platform) flags += " --platform " + name(*options.platform);
+  for (const std::string& setting : options.settings) flags += " --set " + in_shell(setting);
+  flags += " --mix " + name(options.mix);
+  for (const std::string& file : options.own.files) flags += " --workloads " + place(file);
+  if (options.strict) flags += " --strict";
   return flags;
 }
 
 /// What the first seconds of virtual time look like, where no trace was given: of the given run, if
 /// it was made from what is here, else of the paper's whole scheduler.
 std::optional<Timeline> make_timeline(const Machine& machine, const Mix& mix,
-                                      const std::vector<RunRecord>& runs, bool strict) {
+                                      const std::vector<RunRecord>& runs,
+                                      const ReportFlags& options) {
   if (!machine.platform) return std::nullopt;
   ScheduleOptions schedule;
   schedule.mode = "advanced";
-  schedule.strict = strict;
+  schedule.strict = options.strict;
   if (!runs.empty()) {
     const RunRecord& run = runs.front();
     const bool same = run.platform == machine.profile.platform() && run.mix == mix.name &&
@@ -247,25 +252,22 @@ std::optional<Timeline> make_timeline(const Machine& machine, const Mix& mix,
     if (!same) return std::nullopt;
     schedule.mode = run.mode;
     schedule.seed = run.seed;
-    schedule.in_flight = run.in_flight;
-    if (run.basic) schedule.basic = *run.basic;
   }
   if (mix.open_loop()) schedule.duration = std::chrono::seconds(2);
   const ScratchFolder scratch;
   schedule.trace = (scratch.path() / "trace.json").string();
-  std::string settings;
   try {
-    if (!runs.empty()) settings = take_settings(runs.front(), mix, schedule);
+    if (!runs.empty()) take_settings(runs.front(), mix, schedule);
     static_cast<void>(run_virtual(*machine.platform, &machine.profile, mix, schedule));
   } catch (const Error&) {
     return std::nullopt;  // the report says already why the mode cannot run
   }
   auto timeline = load_timeline(*schedule.trace);
   timeline.source = fmt::format(
-      "virtual time; the whole of it: pirt schedule --mode {} --profile {} --mix {} --seed {}{} "
-      "--trace trace.json",
-      schedule.mode, path_in_shell(machine.profile.path), in_shell(mix.name), schedule.seed,
-      settings);
+      "virtual time; the whole of it: pirt schedule --mode {} --profile {}{} --seed {}{} --trace "
+      "trace.json",
+      schedule.mode, path_in_shell(std::filesystem::absolute(machine.profile.path).string()),
+      given_flags(options), schedule.seed, runs.empty() ? "" : flags_of(runs.front()));
   return timeline;
 }
 
@@ -309,8 +311,7 @@ int report_all(const ReportFlags& options) {
   const Format format = parse_format(options.format);
   inputs.facts = format != Format::kText;
   if (inputs.timelines.empty() && format == Format::kHtml && !inputs.machines.empty()) {
-    if (auto made =
-            make_timeline(inputs.machines.front(), inputs.mix, inputs.runs, options.strict)) {
+    if (auto made = make_timeline(inputs.machines.front(), inputs.mix, inputs.runs, options)) {
       inputs.timelines.push_back(std::move(*made));
     }
   }

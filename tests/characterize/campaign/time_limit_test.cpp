@@ -339,6 +339,22 @@ TEST_F(UnitTimes, HaveTheirPartOfTheTime) {
   EXPECT_EQ(summary.unit_times_left_out, 0);
 }
 
+TEST(UnitTimeSampler, DoubtsWhatFailedAfterItsFirstSamples) {
+  int portions = 0;
+  const auto measure = [&portions](int samples) {
+    if (++portions > 1) throw_environment("no call was suspended");
+    return std::vector<Nanos>(static_cast<std::size_t>(samples), Nanos(1000));
+  };
+  UnitTimeSampler sampler(0.02, nullptr);
+  const auto record = sampler.measure(
+      {"cpu",
+       usable_cores(),
+       {.phase = UnitPhase::kLeave, .samples = 200, .portion = 20, .measure = measure}});
+  EXPECT_EQ(record.value().samples.size(), 20U);
+  EXPECT_THAT(record->doubts, Contains("few_samples: no call was suspended"));
+  EXPECT_THAT(record->reasons, IsEmpty());
+}
+
 TEST(JudgeUnitTime, DoubtsByTheRulesOfCalls) {
   const std::vector<Nanos> even(200, Nanos(1000));
   EXPECT_THAT(judge_unit_time(even, {}, 0.02).doubts, IsEmpty());

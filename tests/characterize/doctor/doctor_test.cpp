@@ -209,6 +209,11 @@ TEST_F(Doctor, NamesTheExactCommands) {
             "echo 1 | sudo tee /sys/devices/system/cpu/intel_pstate/no_turbo");
   EXPECT_EQ(finding_of(input, "frequency_limit").remedy,
             "echo 1500000 | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_max_freq");
+  const auto percent = folder.path() / "sys/devices/system/cpu/intel_pstate/max_perf_pct";
+  test::write_bytes(percent, "30\n");
+  EXPECT_EQ(finding_of(input, "frequency_limit").found,
+            "all cores are limited to 30 % of their highest clock");
+  std::filesystem::remove(percent);
   EXPECT_EQ(finding_of(input, "siblings").found,
             "core 0 of cpu and core 1 of opencl are one physical core");
   EXPECT_EQ(finding_of(input, "clock_source").remedy,

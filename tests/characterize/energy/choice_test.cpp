@@ -84,6 +84,18 @@ TEST(MeterChoice, WhatAnApuDrawsIsThePackagesAndCountedOnce) {
   EXPECT_EQ(choose(tree, unit_with("")).meters, "package-0");
 }
 
+TEST(MeterChoice, APackagesMeterThatMayBeReadComesBeforeOneThatMayNot) {
+  const test::SysfsTree tree;
+  tree.write("class/hwmon/hwmon0/name", "amdgpu");
+  tree.write("class/hwmon/hwmon0/power1_input", "45000000");
+  tree.write("class/hwmon/hwmon0/in1_label", "vddnb");
+  tree.add_rapl("intel-rapl:0", "package-0", 1);
+  tree.fail_with_eio("class/powercap/intel-rapl:0/energy_uj");
+  const auto choice = choose(tree, unit_with(""));
+  EXPECT_EQ(choice.meters, "amdgpu/power1");
+  EXPECT_THAT(choice.remark, IsEmpty());
+}
+
 TEST(MeterChoice, RailsThatMayOverlapAreNotGuessedAt) {
   const test::SysfsTree tree;
   tree.add_channel("1-0040", "hwmon1", 1, "VDD_GPU_SOC", 5000, 1000);

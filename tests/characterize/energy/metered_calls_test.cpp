@@ -257,6 +257,31 @@ TEST(MeteredCalls, PowerAndTimeMustBelongTogether) {
               HasSubstr("unstable: a call took 10 ms metered and 8.2 ms timed"));
 }
 
+TEST(MeteredCalls, AreDoubtedBesideOtherProgramsWhichABoardOfItsOwnDoesNotSee) {
+  SimulatedCounter meter([](double seconds) { return seconds; });
+  const std::vector<const Meter*> meters = {&meter};
+  const auto record = [&](const Interference& during) {
+    MeteredCalls metered{.source = "rapl: package-0",
+                         .domain = "package",
+                         .calls = 10,
+                         .duration = std::chrono::seconds(1),
+                         .active_j = 3,
+                         .idle_before_w = 2,
+                         .idle_after_w = 2,
+                         .reasons = {}};
+    check_disturbance(metered, meters, during);
+    return metered_energy(metered);
+  };
+  EXPECT_THAT(record({.contended = true}).doubts, ElementsAre("contended"));
+  EXPECT_THAT(record({.contended = true}).reasons, IsEmpty());
+  EXPECT_EQ(record({.contended = true}).source, "rapl: package-0; contended");
+  EXPECT_THAT(record({.throttled = true}).doubts, ElementsAre("throttled"));
+  EXPECT_TRUE(is_valid(record({})));
+  meter.mutable_info().domain = MeterDomain::kGpu;
+  EXPECT_THAT(record({.contended = true}).doubts, IsEmpty());
+  EXPECT_EQ(record({.contended = true}).source, "rapl: package-0; contended");
+}
+
 TEST(MeteredCalls, SlowSensorsGetLongerWindows) {
   MeterInfo gauge;
   gauge.kind = MeterKind::kPower;

@@ -177,6 +177,8 @@ TEST(Environment, VariablesThatLibrariesObeyAreFacts) {
                                    "GLIBC_TUNABLES=glibc.malloc.arena_max=1",
                                    "LD_PRELOAD=libx.so",
                                    "MALLOC_ARENA_MAX=1",
+                                   "GALLIVM_PERF=no_opt",
+                                   "HWLOC_XMLFILE=/x",
                                    "POCL_CACHE_DIR=/tmp/x",
                                    "HOME=/root",
                                    "SLURM_JOB_ID=7",
@@ -188,9 +190,22 @@ TEST(Environment, VariablesThatLibrariesObeyAreFacts) {
                                 {"env.OPENCV_CPU_DISABLE", "set, and empty"},
                                 {"env.GLIBC_TUNABLES", "glibc.malloc.arena_max=1"},
                                 {"env.LD_PRELOAD", "libx.so"},
-                                {"env.MALLOC_ARENA_MAX", "1"}};
+                                {"env.MALLOC_ARENA_MAX", "1"},
+                                {"env.GALLIVM_PERF", "no_opt"},
+                                {"env.HWLOC_XMLFILE", "/x"}};
   EXPECT_EQ(inherited_environment(variables), expected);
   for (const auto& [key, value] : expected) EXPECT_EQ(fact_kind(key), FactKind::kIdentity) << key;
+}
+
+TEST(Environment, VariablesThatDifferAtTheirEndAreTwoFacts) {
+  const std::string places = "OMP_PLACES=" + std::string(400, '0');
+  const std::string others = places.substr(0, places.size() - 1) + "1";
+  const auto value = [](const std::string& variable) {
+    const char* const variables[] = {variable.c_str(), nullptr};
+    return inherited_environment(variables).at("env.OMP_PLACES");
+  };
+  EXPECT_NE(value(places), value(others));
+  EXPECT_EQ(value(places).size(), 300 + std::string("... (0123456789abcdef)").size());
 }
 
 TEST(Environment, PowerModesAreFacts) {
@@ -201,6 +216,10 @@ TEST(Environment, PowerModesAreFacts) {
   put(root, "sys/class/devfreq/17000000.gpu/governor", "nvhost_podgov\n");
   put(root, "sys/class/devfreq/17000000.gpu/max_freq", "1300500000\n");
   put(root, "sys/class/drm/card0/gt_max_freq_mhz", "1150\n");
+  put(root, "sys/class/drm/card0/device/hwmon/hwmon4/power1_cap", "90000000\n");
+  put(root, "sys/devices/system/cpu/intel_pstate/max_perf_pct", "50\n");
+  put(root, "sys/devices/system/cpu/intel_uncore_frequency/package_00_die_00/max_freq_khz",
+      "2400000\n");
   put(root, "sys/class/drm/card0-HDMI-A-1/status", "connected\n");
   put(root, "sys/class/powercap/intel-rapl:0/constraint_0_power_limit_uw", "15000000\n");
   const Environment expected = {
@@ -209,9 +228,14 @@ TEST(Environment, PowerModesAreFacts) {
       {"power_mode.17000000.gpu.governor", "nvhost_podgov"},
       {"power_mode.17000000.gpu.max_freq", "1300500000"},
       {"power_mode.card0.gt_max_freq_mhz", "1150"},
+      {"power_mode.card0.power1_cap", "90000000"},
+      {"power_mode.max_perf_pct", "50"},
+      {"power_mode.package_00_die_00.max_freq_khz", "2400000"},
       {"power_mode.intel-rapl:0.constraint_0_power_limit_uw", "15000000"}};
   EXPECT_EQ(power_modes(root.path()), expected);
   for (const auto& [key, value] : expected) EXPECT_EQ(fact_kind(key), FactKind::kIdentity) << key;
+  put(root, "sys/devices/system/cpu/intel_pstate/max_perf_pct", "100\n");
+  EXPECT_FALSE(power_modes(root.path()).contains("power_mode.max_perf_pct"));
 }
 
 TEST(Environment, EveryFactHasItsKind) {
@@ -407,6 +431,39 @@ TEST(HostLoad, NoticesThatABoardIsSlowedDownForHeat) {
   EXPECT_FALSE(interference(counted, read_host_counters({0}, root.path()), 1).throttled);
   put(root, "sys/class/thermal/cooling_device0/stats/total_trans", "6\n");
   EXPECT_TRUE(interference(counted, read_host_counters({0}, root.path()), 1).throttled);
+}
+
+TEST(HostLoad, KnowsWhatSlowsProcessorsDownByItsName) {
+  const auto throttled = [](const std::string& type, const std::string& state) {
+    const TemporaryFolder root;
+    put(root, "sys/class/thermal/cooling_device0/type", type + "\n");
+    put(root, "sys/class/thermal/cooling_device0/cur_state", state + "\n");
+    const auto counters = read_host_counters({0}, root.path());
+    return interference(counters, counters, 1).throttled;
+  };
+  for (const char* type : {"cpu-balanced", "gpu-balanced", "emergency-balanced", "tegra-heavy",
+                           "intel_powerclamp", "thermal-idle-0", "Processor"}) {
+    EXPECT_TRUE(throttled(type, "1")) << type;
+    EXPECT_FALSE(throttled(type, "0")) << type;
+  }
+  EXPECT_FALSE(throttled("pwm-fan", "3"));
+  const TemporaryFolder both;
+  put(both, "sys/class/thermal/cooling_device0/type", "intel_powerclamp\n");
+  put(both, "sys/class/thermal/cooling_device0/cur_state", "-1\n");
+  put(both, "sys/class/thermal/cooling_device1/type", "thermal-cpufreq-0\n");
+  put(both, "sys/class/thermal/cooling_device1/cur_state", "1\n");
+  EXPECT_EQ(read_host_counters({0}, both.path()).cooled, 1) << "what is off takes nothing off";
+}
+
+TEST(HostLoad, NoticesThatThePackageOfACoreIsAtItsLimit) {
+  const TemporaryFolder root;
+  const std::string core = "sys/devices/system/cpu/cpu4/thermal_throttle/";
+  put(root, core + "core_throttle_count", "0\n");
+  put(root, core + "package_throttle_count", "5\n");
+  const auto before = read_host_counters({4}, root.path());
+  EXPECT_FALSE(interference(before, read_host_counters({4}, root.path()), 1).throttled);
+  put(root, core + "package_throttle_count", "6\n");
+  EXPECT_TRUE(interference(before, read_host_counters({4}, root.path()), 1).throttled);
 }
 
 TEST(HostLoad, ReadsTheCountersOfTheCoresAskedFor) {

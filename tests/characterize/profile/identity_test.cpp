@@ -108,6 +108,17 @@ TEST(Identity, AUnitThatOnlyOneRunMeasuredIsNoDifference) {
   EXPECT_THAT(fields(run(), other), ElementsAre("unit.cpu.cores"));
 }
 
+TEST(Identity, AUnitWithoutCoresHasThoseThatTheProcessMayUse) {
+  RunInfo one = run();
+  one.units = {{"cpu", "cpu", "Some CPU", true, {}}, {"gpu", "opencl", "a board", false, {}}};
+  one.environment["cores_usable"] = "0";
+  RunInfo two = one;
+  two.environment["cores_usable"] = "0,1";
+  EXPECT_THAT(fields(one, two), ElementsAre("unit.cpu.cores"));
+  two.units[0].cores = {0};
+  EXPECT_THAT(compare_identity(one, two), IsEmpty());
+}
+
 TEST(Identity, OfAUnitIsWithoutThatOfOthers) {
   RunInfo other = run();
   other.environment["governor"] = "powersave";

@@ -5,7 +5,9 @@
 
 #include <sstream>
 
+#include "characterize/platform/platform.h"
 #include "characterize/worker/job_runner.h"
+#include "characterize/worker/neighbour.h"
 #include "characterize/worker/worker.h"
 #include "tests/characterize/support.h"
 #include "tests/support/paths.h"
@@ -156,6 +158,24 @@ for line in sys.stdin:
   const auto call = std::ranges::find(result->phases, Phase::kCall, &PhaseSamples::phase);
   ASSERT_NE(call, result->phases.end());
   EXPECT_THAT(call->cpu, IsEmpty()) << "what this process computed of it says nothing";
+}
+
+// Of two busy cores it may use one, of which others cannot take more than there is.
+TEST(Worker, OfAUnitWithoutCoresLooksAtThoseThatItMayUse) {
+  const auto cores = usable_cores();
+  if (cores.size() < 2) GTEST_SKIP() << "there is one core";
+  const CoresRestored restored;
+  const Neighbour busy({cores[0], cores[1]}, Neighbour::Work::kComputes);
+  bind_to_cores({cores.data(), 1}, "test");
+  Job job;
+  job.kind = JobKind::kSample;
+  job.backend = "cpu";
+  job.unit.unit = "cpu";
+  job.workload = "pool5";
+  job.sampling.slice = std::chrono::milliseconds(300);
+  const auto result = JobRunner(test::kTestWorker, std::chrono::seconds(60), nullptr).run(job);
+  ASSERT_EQ(result.value().error, "");
+  EXPECT_LT(result->during_calls.others.value(), 1.2);
 }
 
 TEST(Worker, ProbesAFakeUnit) {
