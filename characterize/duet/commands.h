@@ -29,7 +29,7 @@ void run_setup(const DuetCommands& commands);
 
 /// One process for each sample; its working folder, environment and cores are ours. What is decided
 /// is not asked for again where the reader can say so.
-/// @param comparison  Of the one cell kCommandCell; outlives the result.
+/// @param comparison  Of one cell; outlives the result.
 [[nodiscard]] TakeSample command_samples(const DuetCommands& commands,
                                          const DuetComparison& comparison);
 

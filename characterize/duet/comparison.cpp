@@ -19,9 +19,6 @@ using Seconds = std::map<std::string, double>;
 
 /// Of a confirmation. Ten canaries before the first answer, of which eight would do.
 constexpr std::size_t kBlocksACanary = 2;
-/// Blocks in which a series had no time, until it is given up: what a program says of a phase at
-/// times only (a device that stamps some launches) would be asked for without end.
-constexpr std::size_t kMostWithout = 8;
 /// Parts of a call that are less than this share of it can only be seen in the call.
 constexpr double kLeastShare = 0.10;
 
@@ -283,7 +280,7 @@ void DuetComparison::block(DuetCellState& state, const Event& event) {
   for (auto& [phase, series] : state.series) {
     const auto times = times_of(seconds, phase);
     if (!times) {
-      if (canary) continue;
+      if (canary || series.rule.verdict() != DuetVerdict::kUndecided) continue;
       add_without(order, seconds, phase, series.measure, series.runs_without);
       if (++series.without == kMostWithout) series.rule.give_up();
       continue;

@@ -38,13 +38,17 @@ struct DuetStep {
 /// side's was 0 though less of it is.
 using RunsWithout = std::array<std::size_t, 2>;
 
+/// Blocks in which a series had no time, until it is given up: what a program says of a phase at
+/// times only (a device that stamps some launches) would be asked for without end.
+inline constexpr std::size_t kMostWithout = 8;
+
 /// One phase of a cell.
 struct DuetSeries {
   DuetRule rule;
   std::vector<double> base_s, candidate_s;  ///< Of each process, in what `measure` says, or
                                             ///< seconds; canaries are not in it.
-  std::size_t without = 0;                  ///< Blocks in which it had no time.
-  RunsWithout runs_without = {};            ///< Of those blocks.
+  std::size_t without = 0;        ///< Blocks in which it had no time, until it was decided.
+  RunsWithout runs_without = {};  ///< Of those blocks.
   Measure measure = {"s"};
 };
 

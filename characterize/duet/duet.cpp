@@ -22,6 +22,7 @@
 #include "workloads/base/hash.h"
 #include "workloads/base/system/cores.h"
 #include "workloads/base/system/module.h"
+#include "workloads/base/system/program_path.h"
 #include "workloads/base/system/thread.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
@@ -233,9 +234,8 @@ TakeSample program_samples(const DuetPrograms& programs) {
 namespace {
 
 std::string hash_or_stamp(const std::filesystem::path& file) {
-  constexpr std::uintmax_t kMostRead = std::uintmax_t{256} << 20;
   const auto bytes = std::filesystem::file_size(file);
-  if (bytes > kMostRead) {  // A recording that a command names, say.
+  if (bytes > kMostHashedBytes) {
     return fmt::format("{} bytes of {}", bytes,
                        std::filesystem::last_write_time(file).time_since_epoch().count());
   }
@@ -287,8 +287,10 @@ Ledger::Event built_key(const std::filesystem::path& program) {
     std::error_code ignored;  // Who may only run what is there does not see it.
     for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
       const std::string name = entry.path().filename();
-      const bool is_library = name.ends_with(".so") || name.find(".so.") != std::string::npos;
-      if (is_library && (is_beside || name.starts_with("libpirt")) && !contents.contains(name) &&
+      const bool is_code =
+          name.ends_with(".so") || name.ends_with(".elf") || name.find(".so.") != std::string::npos;
+      const bool is_pirts = name.starts_with("libpirt") || name.starts_with("pirt_");
+      if (is_code && (is_beside || is_pirts) && !contents.contains(name) &&
           entry.is_regular_file()) {
         contents[name] = content_key(entry.path());
       }

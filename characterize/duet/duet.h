@@ -57,8 +57,8 @@ struct DuetPrograms {
 /// was not touched since is read once.
 /// @throws Error{kBadInput} if it cannot be read.
 [[nodiscard]] std::string content_key(const std::filesystem::path& file);
-/// A program and the libraries that were built with it: those in its folder, or that of the program
-/// that it is a link to, and pirt's own in the library folder that belongs to it.
+/// A program and what was built with it: libraries and a DSP's code (.elf) in its folder, or that
+/// of the program that it is a link to, and pirt's own in the library folders that belong to it.
 [[nodiscard]] Ledger::Event built_key(const std::filesystem::path& program);
 /// The machine of a ledger: its processor, cores that may be used, and kernel.
 [[nodiscard]] std::string machine_key();

@@ -129,33 +129,28 @@ std::vector<std::string> gbench_arguments(const std::vector<std::string>& only) 
   return arguments;
 }
 
-std::vector<std::string> words_of(const std::string& line) {
-  std::vector<std::string> words;
-  for (const std::string& word : split(line, ' ')) {
-    if (!word.empty()) words.push_back(word);
-  }
-  return words;
-}
-
 /// Whether most figures in it are better the more they are: "MB/s", "fps", "GFLOPS".
 bool is_rate(std::string unit) {
-  constexpr std::array<std::string_view, 7> kRates = {"hz",  "khz", "mhz", "ghz",
-                                                      "fps", "qps", "ips"};
+  constexpr std::array<std::string_view, 16> kRates = {"hz",  "khz",  "mhz",  "ghz",  "fps",  "qps",
+                                                       "ips", "bps",  "kbps", "mbps", "gbps", "rps",
+                                                       "tps", "iops", "ops",  "rpm"};
+  constexpr std::array<std::string_view, 9> kTimes = {"s",   "sec",    "sec.", "second", "seconds",
+                                                      "min", "minute", "h",    "hour"};
   std::ranges::transform(unit, unit.begin(), [](char c) {
     return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   });
-  return unit.ends_with("/s") || unit.ends_with("/sec") || unit.ends_with("flops") ||
-         std::ranges::find(kRates, unit) != kRates.end();
+  const auto slash = unit.rfind('/');
+  const bool is_of_time = slash != std::string::npos &&
+                          std::ranges::find(kTimes, unit.substr(slash + 1)) != kTimes.end();
+  return is_of_time || unit.ends_with("flops") || std::ranges::find(kRates, unit) != kRates.end();
 }
 
 Sample read_lines(const ProcessResult& process) {
   Figures figures;
   int number = 0;
-  for (std::string line : split(process.output, '\n')) {
+  for (const std::string& line : split(process.output, '\n')) {
     ++number;
-    std::ranges::replace(line, '\t', ' ');
-    if (line.ends_with('\r')) line.pop_back();
-    const auto words = words_of(line);
+    const auto words = words_in(line);
     if (words.empty() || words[0].starts_with('#')) continue;
     const auto fail = [&](const std::string& why) {
       throw_bad_input(fmt::format("line {} '{}': {}; a line is NAME VALUE UNIT [lower|higher]",

@@ -30,8 +30,8 @@ struct OutputReader {
 /// benchmark, the median where it has repetitions. Aggregates, complexities (BigO, RMS) and what
 /// was skipped are left out; `error_occurred` is an error. `lines`: `NAME VALUE UNIT
 /// [lower|higher]` a line, the better direction last (default lower, and none of rates, such as
-/// MB/s or fps, which have to say it); the median of a name that comes again. Empty lines and those
-/// that begin with # are left out, any other is an error.
+/// MB/s, Mbps or fps, which have to say it); the median of a name that comes again. Empty lines and
+/// those that begin with # are left out, any other is an error.
 [[nodiscard]] std::span<const OutputReader> output_readers();
 /// As `pirt`, of two workloads on one unit: opening the unit is neither one's, inputs are each
 /// one's own. The first processes verify.

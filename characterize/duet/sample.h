@@ -22,7 +22,7 @@ struct DuetCell {
   friend auto operator<=>(const DuetCell&, const DuetCell&) = default;
 };
 inline constexpr std::string_view kSchedulerCell = "scheduler";
-/// The cell of a comparison of two commands, whose figures have names of their own.
+/// The cell of a comparison of any two commands, whose figures have names of their own.
 inline constexpr std::string_view kCommandCell = "command";
 /// "sobel on cpu", "scheduler".
 [[nodiscard]] std::string to_string(const DuetCell& cell);

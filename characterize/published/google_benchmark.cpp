@@ -87,7 +87,13 @@ std::string why_not_a_call(const BenchmarkEntry& entry) {
 std::optional<Json> find_benchmarks(std::string_view text) {
   const auto begin = text.starts_with('{') ? 0 : text.find("\n{");
   if (begin == std::string_view::npos) return std::nullopt;
-  auto root = try_parse_json(without_nan(text.substr(begin)));
+  text.remove_prefix(begin);
+  auto root = try_parse_json(without_nan(text));
+  // It ends with a brace at the begin of a line; what a program prints behind it is left out.
+  const auto last = text.rfind("\n}");
+  if (!root && last != std::string_view::npos) {
+    root = try_parse_json(without_nan(text.substr(0, last + 2)));
+  }
   if (root && !(root->contains("benchmarks") && root->at("benchmarks").is_array())) root.reset();
   return root;
 }

@@ -19,8 +19,8 @@ struct BenchmarkEntry {
   std::int64_t threads = 1;
 };
 
-/// The object with the list `benchmarks`, behind what a program has printed besides. Absent if
-/// there is none.
+/// The object with the list `benchmarks`, among what a program has printed besides. Absent if there
+/// is none.
 [[nodiscard]] std::optional<Json> find_benchmarks(std::string_view text);
 
 /// All of its entries, in their order.

@@ -132,7 +132,6 @@ std::int64_t write_published(ProfileWriter& writer, const PublishedBoard& board,
   header.environment["precision"] = how_taken(board);  // Is identity: nothing is compared with it.
   for (const PublishedUnit& unit : board.units) {
     header.units.push_back({.unit = unit.name,
-
                             .backend = how_taken(board),
                             .device = unit.device,
                             .device_is_cpu = unit.is_cpu,

@@ -34,7 +34,7 @@ class HistoryLines {
     while (at_ < lines_.size()) {
       const std::string& line = lines_[at_++];
       if (line.starts_with('#')) continue;
-      const auto words = words_of(line);
+      const auto words = words_in(line);
       if (words.empty()) continue;
       if (words.size() < least) fail(fmt::format("{} words of {}, got '{}'", least, what, line));
       return words;
@@ -50,19 +50,6 @@ class HistoryLines {
   [[nodiscard]] std::string place() const { return fmt::format("{}:{}", file_, at_); }
 
  private:
-  static std::vector<std::string> words_of(const std::string& line) {
-    std::vector<std::string> words;
-    std::string word;
-    for (const char c : line + " ") {
-      if (c != ' ' && c != '\t' && c != '\r') {
-        word += c;
-      } else if (!word.empty()) {
-        words.push_back(std::exchange(word, ""));
-      }
-    }
-    return words;
-  }
-
   const std::string& file_;
   std::vector<std::string> lines_;
   std::size_t at_ = 0;

@@ -37,13 +37,6 @@ const std::vector<std::string>& optional_columns() {
   return names;
 }
 
-bool is_made_of(const std::string& text, std::string_view others) {
-  return std::ranges::all_of(text, [others](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-           others.find(c) != std::string_view::npos;
-  });
-}
-
 /// Reads the rows, and collects what is wrong with each.
 class TimesReader {
  public:

@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -201,16 +200,13 @@ Verdict verify(std::span<const Tensor> outputs, std::span<const Tensor> expected
 }
 
 /// Letters, digits and @p others, 1 to 100.
-bool is_made_of(std::string_view name, std::string_view others) {
-  const auto is_good = [others](unsigned char c) {
-    return c < 0x80 && (std::isalnum(c) != 0 || others.find(static_cast<char>(c)) != others.npos);
-  };
-  return !name.empty() && name.size() <= 100 && std::ranges::all_of(name, is_good);
+bool is_name_of(std::string_view name, std::string_view others) {
+  return !name.empty() && name.size() <= 100 && is_made_of(name, others);
 }
 
 /// What is wrong with the name; empty = nothing.
 std::string name_problem(const std::string& name) {
-  if (!is_made_of(name, "_-.")) return "may have letters, digits, '_', '-' and '.', 100 at most";
+  if (!is_name_of(name, "_-.")) return "may have letters, digits, '_', '-' and '.', 100 at most";
   const auto dot = name.find('.');
   const bool inside = dot != std::string::npos && dot > 0 && name.back() != '.';
   return inside ? "" : "needs a dot, as in mine.sobel: names without one are pirt's";
@@ -388,7 +384,7 @@ std::optional<std::int64_t> extent_from(std::string_view text) {
   return whole_number<std::int64_t>(text, 1, kMostRow).value;
 }
 
-bool is_tensor_name(std::string_view name) { return is_made_of(name, "_-./:"); }
+bool is_tensor_name(std::string_view name) { return is_name_of(name, "_-./:"); }
 
 std::vector<TensorSpec> at(std::vector<TensorSpec> specs, Size size) {
   for (TensorSpec& spec : specs) {

@@ -4,6 +4,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
+#include "workloads/base/system/program_path.h"
 #include "workloads/base/text/text.h"
 #include "workloads/own/libraries.h"
 
@@ -32,8 +33,13 @@ std::string digest(const fs::path& file, const std::string& bytes) {
   Hash64 hash;
   add(hash, file, bytes);
   if (!is_library(bytes)) {
-    for (const fs::path& named : named_files(file, bytes)) {
-      add(hash, named, read_file(named, kAnySize));
+    for (const NamedFile& named : named_files(file, bytes)) {
+      const std::uintmax_t size = named.is_of_command ? fs::file_size(named.file) : 0;
+      if (size > kMostHashedBytes) {
+        hash.add(std::uint64_t{size});
+      } else {
+        add(hash, named.file, read_file(named.file, kAnySize));
+      }
     }
   }
   return fmt::format("{:016x}", hash.value());

@@ -20,8 +20,9 @@ namespace pirt::own {
 /// library cannot be loaded.
 [[nodiscard]] std::vector<Definition> load(const std::filesystem::path& file);
 
-/// Of what the file holds, the files that a workload file names, and the libraries that modules and
-/// programs among them are linked with (linked_libraries): 16 digits.
+/// Of what the file holds, the files that a workload file names (of a command's above
+/// kMostHashedBytes their size), and the libraries that modules and programs among them are linked
+/// with (linked_libraries): 16 digits.
 /// @throws Error{kBadInput} if one of them cannot be read.
 [[nodiscard]] std::string digest_of(const std::filesystem::path& file);
 
@@ -47,8 +48,13 @@ class NamesOfFiles {
 [[nodiscard]] std::vector<Definition> load_module(const std::filesystem::path& file);
 [[nodiscard]] std::vector<Definition> read_workload_file(const std::filesystem::path& file,
                                                          const std::string& text);
-/// The files that the workload file names; of a program's command as files_named_by() has them.
-[[nodiscard]] std::vector<std::filesystem::path> named_files(const std::filesystem::path& file,
-                                                             const std::string& text);
+struct NamedFile {
+  std::filesystem::path file;
+  bool is_of_command = false;
+};
+/// The files that the workload file names; of a program's command as files_named_by() has them, but
+/// for what PATH finds and what it `writes`.
+[[nodiscard]] std::vector<NamedFile> named_files(const std::filesystem::path& file,
+                                                 const std::string& text);
 
 }  // namespace pirt::own

@@ -79,28 +79,9 @@ class Process {
     from_ = std::move(out.read);
     ::fcntl(to_.get(), F_SETFL, O_NONBLOCK);  // One that does not read holds up nobody.
 
-    std::vector<char*> words;
-    for (const std::string& word : program.command)
-      words.push_back(const_cast<char*>(word.c_str()));
-    words.push_back(nullptr);
-    const std::string folder = program.folder.string();
-    const pid_t parent = ::getpid();
-    pid_ = ::fork();
+    pid_ = start_child(program.command, {in.read.get(), out.write.get(), -1, memory.fd()},
+                       program.folder.c_str());
     if (pid_ < 0) throw_errno("start " + program.command.front());
-    if (pid_ == 0) {
-      // Above those that are to be, before they are put in place.
-      const int given_in = ::fcntl(in.read.get(), F_DUPFD, 10);
-      const int given_out = ::fcntl(out.write.get(), F_DUPFD, 10);
-      const int given_memory = ::fcntl(memory.fd(), F_DUPFD, 10);
-      const bool good = ::dup2(given_in, STDIN_FILENO) >= 0 &&
-                        ::dup2(given_out, STDOUT_FILENO) >= 0 &&
-                        ::dup2(given_memory, kMemory) >= 0 && ::chdir(folder.c_str()) == 0;
-      begin_child(parent, kMemory + 1);
-      ::setpgid(0, 0);
-      if (good) ::execvp(words.front(), words.data());
-      ::_exit(127);
-    }
-    ::setpgid(pid_, pid_);
     watch();
   }
   /// It may end by itself for a moment.

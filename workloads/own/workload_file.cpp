@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <initializer_list>
 #include <iterator>
 #include <memory>
@@ -39,6 +38,14 @@ auto at_place(const YamlNode& node, const Read& read) {
   } catch (const Error& error) {
     node.fail(error.what());
   }
+}
+
+/// Those of a list; none where there is no such key.
+std::vector<std::string> words_at(const YamlNode& node, std::string_view key) {
+  std::vector<std::string> words;
+  if (!node.has(key)) return words;
+  for (const YamlNode& word : node.at(key).items()) words.push_back(word.text());
+  return words;
 }
 
 /// Relative to the file's folder.
@@ -163,17 +170,15 @@ void read_opencl(const fs::path& file, const YamlNode& node, Definition& definit
 void read_program(const fs::path& file, const YamlNode& node, Definition& definition) {
   if (!definition.state.empty()) node.fail("a program keeps its state itself: leave `state` out");
   Program program{.workload = definition.name,
-                  .command = {},
+                  .command = words_at(node, "command"),
                   .folder = file.parent_path(),
                   .start_limit = kStartLimit,
                   .call_limit = kCallLimit};
-  for (const YamlNode& word : node.at("command").items()) program.command.push_back(word.text());
   if (program.command.empty() || program.command.front().empty()) {
     node.at("command").fail("needs the words of a command: [python3, icp.py]");
   }
   const auto limit = [&node](const char* key, Nanos standard) {
-    return node.has(key) ? Nanos(std::llround(1e6 * node.at(key).number(1, kLongestLimitMs)))
-                         : standard;
+    return node.has(key) ? from_ms(node.at(key).number(1, kLongestLimitMs)) : standard;
   };
   program.start_limit = limit("start_limit_ms", kStartLimit);
   program.call_limit = limit("call_limit_ms", kCallLimit);
@@ -303,7 +308,7 @@ void read_network(const fs::path& file, const YamlNode& node, Definition& defini
 Definition read_workload(const fs::path& file, const YamlNode& node) {
   node.check_keys({"name", "description", "inputs", "outputs", "parameters", "state", "size",
                    "frames", "ops_per_element", "tolerance", "opencl", "network", "config",
-                   "command", "start_limit_ms", "call_limit_ms", "limit_s"});
+                   "command", "writes", "start_limit_ms", "call_limit_ms", "limit_s"});
   Definition definition;
   definition.name = node.at("name").text();
   if (node.has("description")) definition.description = node.at("description").paragraph();
@@ -328,6 +333,7 @@ Definition read_workload(const fs::path& file, const YamlNode& node) {
     }
   };
   belongs("config", "network");
+  belongs("writes", "command");
   belongs("start_limit_ms", "command");
   belongs("call_limit_ms", "command");
   if (node.has("limit_s")) definition.limit = read_limit(node.at("limit_s"));
@@ -366,22 +372,26 @@ std::vector<Definition> read_workload_file(const fs::path& file, const std::stri
   return all;
 }
 
-std::vector<fs::path> named_files(const fs::path& file, const std::string& text) {
-  std::vector<fs::path> files;
+std::vector<NamedFile> named_files(const fs::path& file, const std::string& text) {
+  std::vector<NamedFile> files;
   for (const YamlNode& node : root_of(file, text).items()) {
     if (node.has("opencl") && node.at("opencl").has("source")) {
       std::vector<fs::path> its;
       static_cast<void>(with_includes(place(file, node.at("opencl").at("source").text()), its));
-      std::ranges::move(its, std::back_inserter(files));
+      for (fs::path& each : its) files.push_back({std::move(each)});
     }
     for (const char* key : {"module", "network", "config"}) {
-      if (node.has(key)) files.push_back(place(file, node.at(key).text()));
+      if (node.has(key)) files.push_back({place(file, node.at(key).text())});
     }
-    if (!node.has("command")) continue;
-    std::vector<std::string> words;
-    for (const YamlNode& word : node.at("command").items()) words.push_back(word.text());
-    for (CommandFile& each : files_named_by(words, file.parent_path())) {
-      files.push_back(std::move(each.file));
+    std::set<fs::path> written;
+    for (const std::string& name : words_at(node, "writes")) {
+      written.insert(fs::absolute(file.parent_path() / name).lexically_normal());
+    }
+    for (CommandFile& each : files_named_by(words_at(node, "command"), file.parent_path())) {
+      // What PATH finds is the machine's, as its libraries are: another file on each.
+      const bool is_by_path = each.is_program && each.name.find('/') == std::string::npos;
+      if (is_by_path || written.contains(fs::absolute(each.file).lexically_normal())) continue;
+      files.push_back({.file = std::move(each.file), .is_of_command = true});
     }
   }
   return files;

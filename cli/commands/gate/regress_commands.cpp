@@ -1,6 +1,4 @@
 // pirt regress with two commands: is what the second one measures slower, here and now?
-#include <fmt/core.h>
-
 #include <cstdio>
 
 #include "characterize/duet/commands.h"
@@ -29,17 +27,20 @@ DuetCommands commands_of(const RegressOptions& options) {
 /// Once the first runs of both have told how long one takes.
 void say_how_long(const DuetComparison& comparison, const DuetStep& step,
                   const std::string& max_time) {
-  const DuetCellState& state = comparison.cells().front();
+  const DuetCellState& state = comparison.cells()[step.cell];
   if (step.kind != DuetStep::Kind::kBlock || state.blocks > 0) return;
   const double run_s = (state.checks[0]->wall_s + state.checks[1]->wall_s) / 2;
-  fmt::print(stderr, "{}; at most --max-time {}\n", duration_text(run_s), max_time);
+  std::fprintf(stderr, "%s; at most --max-time %s\n", duration_text(run_s).c_str(),
+               max_time.c_str());
 }
 
 }  // namespace
 
 int regress_commands(const RegressOptions& options) {
   const DuetCommands commands = commands_of(options);
-  DuetComparison comparison({{std::string(kCommandCell), ""}}, options.seed, commands.limit);
+  const DuetCell cell = options.as.empty() ? DuetCell{std::string(kCommandCell), ""}
+                                           : DuetCell{options.as, options.units.front()};
+  DuetComparison comparison({cell}, options.seed, commands.limit);
   run_setup(commands);  // Which may build them.
   auto key = ledger_key(commands, options.seed);
   Json digests = Json::array();

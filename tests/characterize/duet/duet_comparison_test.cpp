@@ -156,6 +156,21 @@ TEST(DuetComparison, EndsWhereASeriesHasNoTimeAnyMore) {
   EXPECT_EQ(series(comparison, 0, "call").rule.verdict(), DuetVerdict::kNotSlower);
 }
 
+TEST(DuetComparison, CountsRunsWithoutAFigureUntilItIsDecided) {
+  DuetComparison comparison({{std::string(kCommandCell), ""}}, 1);
+  int processes = 0;
+  run(comparison, [&processes](Side side, const DuetCell&, SampleKind, Nanos) {
+    Sample sample;
+    const bool is_candidate = side == Side::kCandidate;
+    sample.seconds = {{"slow", is_candidate ? 1.2 : 1.0}, {"same", 1.0}};
+    if (++processes > 2 + 4 * 8 && is_candidate) sample.seconds.erase("same");
+    return SampleOutcome{.sample = sample, .error = {}};
+  });
+  EXPECT_EQ(series(comparison, 0, "slow").rule.verdict(), DuetVerdict::kSlower);
+  EXPECT_EQ(series(comparison, 0, "same").rule.verdict(), DuetVerdict::kNotSlower);
+  EXPECT_EQ(series(comparison, 0, "same").without, 0U);
+}
+
 TEST(DuetComparison, DriftWithinABlockCancels) {
   DuetComparison comparison(kTwo, 1);
   double now = 1e-3;
@@ -384,6 +399,12 @@ TEST(BuiltKey, HasTheLibrariesOfAnInstalledProgram) {
   EXPECT_THAT(before, AllOf(HasSubstr("libpirt.so.1"), Not(HasSubstr("libother"))));
   std::ofstream(libraries / "libpirt.so.1") << "another";
   EXPECT_NE(json_text(built_key(program)), before);
+  const auto modules = module_folders(program).at(2);
+  std::filesystem::create_directories(modules);
+  std::ofstream(modules / "pirt_dsp.elf") << "one";
+  const std::string with_one = json_text(built_key(program));
+  std::ofstream(modules / "pirt_dsp.elf") << "another";
+  EXPECT_NE(json_text(built_key(program)), with_one);
 }
 
 TEST(Injection, ReadsWhatItWrites) {

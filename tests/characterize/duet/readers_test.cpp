@@ -60,6 +60,11 @@ TEST(OutputReader, GbenchHasOneRealTimeABenchmarkAndNoAggregates) {
   EXPECT_NEAR(sample.seconds.at("old"), 7e-9, 1e-15) << "of a version without run_type";
   EXPECT_THAT(sample.measures, IsEmpty());
   EXPECT_EQ(read("gbench", std::string("a word before\n") + kBenchmarks).seconds.size(), 2U);
+  const std::string ended = R"({"benchmarks": [{"name": "b", "real_time": 1}]
+})";
+  for (const char* behind : {"\n", "\ndone {}\n"}) {
+    EXPECT_EQ(read("gbench", ended + behind).seconds.size(), 1U) << behind;
+  }
   // Counters without a figure, as it writes them; a name may have the words.
   const Sample counted = read("gbench", R"({"benchmarks": [{"name": "NaN \"Infinity",
       "run_type": "iteration", "real_time": 5.0, "time_unit": "ns", "a": NaN, "b": -Infinity}]})");
@@ -142,9 +147,13 @@ TEST(OutputReader, LinesRefusesOddOnesWithTheirNumber) {
   EXPECT_THAT(refused("lines", "a one s"), HasSubstr("'one' is no number"));
   EXPECT_THAT(refused("lines", "a nan s"), HasSubstr("no finite figure"));
   EXPECT_THAT(refused("lines", "a 1 s better"), HasSubstr("'better' is no direction"));
-  for (const char* rate : {"MB/s", "frames/sec", "fps", "Hz", "GFLOPS"}) {
+  for (const char* rate : {"MB/s", "frames/sec", "img/sec.", "req/min", "km/h", "fps", "Mbps",
+                           "iops", "Hz", "GFLOPS"}) {
     EXPECT_THAT(refused("lines", std::string("a 1 ") + rate), HasSubstr("say lower or higher"));
     EXPECT_EQ(read("lines", std::string("a 1 ") + rate + " lower").seconds.at("a"), 1);
+  }
+  for (const char* unit : {"ms", "ps", "s/frame", "drops"}) {
+    EXPECT_EQ(read("lines", std::string("a 1 ") + unit).seconds.at("a"), 1) << unit;
   }
   EXPECT_THAT(refused("lines", "a 1 s\na 1 ms"), HasSubstr("another unit"));
   EXPECT_THAT(refused("lines", "# nothing\n"), HasSubstr("no figure"));

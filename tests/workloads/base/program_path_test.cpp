@@ -35,11 +35,14 @@ TEST(FilesNamedByWords, AreFoundWhereverAWordHasThem) {
   std::string made = (fs::temp_directory_path() / "pirt-path-XXXXXX").string();
   ASSERT_NE(::mkdtemp(made.data()), nullptr);
   const fs::path folder = made;
-  for (const char* name : {"net.onnx", "icp", "x.yaml"}) std::ofstream(folder / name) << name;
+  for (const char* name : {"net.onnx", "icp", "x.yaml", "icp.log"}) {
+    std::ofstream(folder / name) << name;
+  }
   fs::permissions(folder / "icp", fs::perms::owner_all);
   std::vector<std::string> named;
   const std::vector<std::string> words = {
-      "sh", "-c", "exec ./icp --model=net.onnx <x.yaml", "x.yaml", "none.txt", "--net=net.onnx"};
+      "sh",     "-c",       "exec ./icp --model=net.onnx <x.yaml 2>>icp.log",
+      "x.yaml", "none.txt", "--net=net.onnx"};
   for (const CommandFile& each : files_named_by(words, folder)) {
     EXPECT_TRUE(fs::is_regular_file(each.file)) << each.file;
     EXPECT_EQ(each.is_program, each.name == "sh" || each.name == "./icp") << each.name;

@@ -249,6 +249,8 @@ TEST_F(WorkloadFile, NamesThePlaceOfWhatIsWrong) {
   refused(head + "    command: python3 p.py\n", "must be a list");
   refused(head + "    command: [a]\n    config: net.cfg\n", "is of workloads with `network`");
   refused(head + "    network: n.onnx\n    call_limit_ms: 5\n", "is of workloads with `command`");
+  refused(head + "    network: n.onnx\n    writes: [a]\n", "is of workloads with `command`");
+  refused(head + "    command: [a]\n    writes: a.log\n", "must be a list");
   refused(head + "    command: [a]\n    call_limit_ms: 0\n", "call_limit_ms");
   refused(head + "    command: [a]\n    limit_s: 0.5\n", "limit_s");
   refused(head + "    command: [a]\n    frames: many\n", "frames");

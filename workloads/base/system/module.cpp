@@ -10,7 +10,7 @@
 
 #include "workloads/base/error.h"
 
-/// Of programs that have a source more for it (module_folder.cpp.in): where modules are, and below
+/// Of programs that have an object more for it (module_folder.cpp.in): where modules are, and below
 /// which folder the program lies then. Installed ones look into no build folder, which may be
 /// somebody else's by then.
 extern "C" {

@@ -2,7 +2,6 @@
 
 #include <unistd.h>
 
-#include <algorithm>
 #include <cstdlib>
 #include <set>
 #include <sstream>
@@ -50,15 +49,22 @@ std::vector<CommandFile> files_named_by(std::span<const std::string> words,
     if (!fs::is_regular_file(beside, ignored) || ::access(beside.c_str(), R_OK) != 0) return;
     files.push_back({name, beside, false});
   };
-  for (std::string word : words) {
+  for (const std::string& word : words) {
     add(word);
     add(word.substr(word.find('=') + 1));
-    std::ranges::replace_if(
-        word,
-        [](char c) { return std::string_view("\t\n;|&()<>='\"`").find(c) != std::string::npos; },
-        ' ');
-    std::istringstream parts(word);
-    for (std::string part; parts >> part;) add(part);
+    std::string script;
+    for (const char c : word) {
+      const bool divides = std::string_view(";|&()<='\"`").find(c) != std::string_view::npos;
+      script += c == '>' ? " > " : std::string(1, divides ? ' ' : c);
+    }
+    std::istringstream stream(script);
+    std::vector<std::string> parts;
+    for (std::string part; stream >> part;) parts.push_back(part);
+    // What it writes is no part of what it is.
+    for (std::size_t i = 1; i < parts.size(); ++i) {
+      if (parts[i - 1] == ">") known.insert(parts[i]);
+    }
+    for (const std::string& part : parts) add(part);
   }
   return files;
 }

@@ -1,6 +1,7 @@
 // Where programs are that are called by their names, and what files a command names.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <span>
@@ -13,6 +14,9 @@ namespace pirt {
 /// @return Absolute; absent if there is no such file that may be run.
 [[nodiscard]] std::optional<std::filesystem::path> try_find_program(const std::string& word);
 
+/// A larger file that a command names, a recording say, is told apart by its size.
+inline constexpr std::uintmax_t kMostHashedBytes = std::uintmax_t{256} << 20;
+
 /// A file that a command names.
 struct CommandFile {
   std::string name;  ///< In the command's words.
@@ -20,7 +24,8 @@ struct CommandFile {
   bool is_program = false;  ///< It may be run.
 };
 /// The files that @p words name and that may be read, in their order: by themselves ("x.yaml"),
-/// behind a '=' or within a script (sh -c '...'); programs also by PATH.
+/// behind a '=' or within a script (sh -c '...') that does not write them (">x.log"); programs
+/// also by PATH.
 /// @param folder  That the command runs in; empty = this process'.
 [[nodiscard]] std::vector<CommandFile> files_named_by(std::span<const std::string> words,
                                                       const std::filesystem::path& folder = {});

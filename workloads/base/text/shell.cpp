@@ -1,23 +1,15 @@
 #include "workloads/base/text/shell.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
-namespace {
-
-/// Of which no shell makes anything.
-bool is_plain_in_shell(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-         std::string_view("_./:=,+@%-").find(c) != std::string_view::npos;
-}
-
-}  // namespace
 
 std::string in_shell(std::string_view word) {
-  if (!word.empty() && std::ranges::all_of(word, is_plain_in_shell)) return std::string(word);
+  // Of which no shell makes anything.
+  if (!word.empty() && is_made_of(word, "_./:=,+@%-")) return std::string(word);
   std::string quoted = "'";
   for (const char c : word) {
     if (c == '\'') {

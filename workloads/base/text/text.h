@@ -23,6 +23,11 @@ namespace pirt {
 
 [[nodiscard]] std::string join(std::span<const std::string> parts, std::string_view separator);
 [[nodiscard]] std::vector<std::string> split(std::string_view text, char separator);
+/// What stands between blanks, tabs and ends of lines.
+[[nodiscard]] std::vector<std::string> words_in(std::string_view text);
+
+/// Whether @p text has letters and digits of ASCII, @p others and nothing else.
+[[nodiscard]] bool is_made_of(std::string_view text, std::string_view others);
 
 /// What a mix, a platform or a result of a run stays far below; more is not a file of ours.
 inline constexpr std::size_t kMaxInputBytes = std::size_t{64} << 20;

@@ -20,6 +20,11 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 
+TEST(Text, WordsStandBetweenBlanksOfAnyKind) {
+  EXPECT_THAT(words_in("\ta  b\r\n c"), testing::ElementsAre("a", "b", "c"));
+  EXPECT_THAT(words_in(" \t"), testing::IsEmpty());
+}
+
 /// Whether the process has a handler of its own, without which the signal would end it.
 bool handles(pid_t process, int signal) {
   std::ifstream in("/proc/" + std::to_string(process) + "/status");
