@@ -3,24 +3,25 @@
 # for those that run live, those of characterize/ that measure nothing, and the whole program, which has to say and write what the one built
 # for this machine does, and to replay its traces.
 #
-# Usage: tests/aarch64.sh [PROGRAM]
+# Usage: tests/aarch64.sh [PROGRAM]     on Debian, whose release the sysroot has; else it is skipped (exit code 77)
 #   PROGRAM is pirt, built for this machine (default: build/pirt). Everything is made in build-aarch64; its sysroot is kept.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source cli/packages.sh
 program=${1:-build/pirt}
 sysroot=$PWD/build-aarch64/sysroot
+release=$(debian_release)  # compilers that know each other's libraries
 [[ -x $program ]] || { echo "aarch64.sh: there is no program '$program'; build pirt for this machine first" >&2; exit 2; }
 
-# What of pirt's packages is linked, as of Debian's release: libopencv-dev and libyaml-cpp-dev cannot be installed beside this machine's.
+# What of pirt's packages is linked, as of this release: libopencv-dev and libyaml-cpp-dev cannot be installed beside this machine's.
 make_sysroot() {
   local packages link libraries=$sysroot/usr/lib/aarch64-linux-gnu
   packages=$(printf '%s\n' "${PIRT_PACKAGES[@]}" "${PIRT_NATS_PACKAGES[@]}" "${PIRT_BAG_PACKAGES[@]}" libgtest-dev libgmock-dev libc6-dev |
     grep -- '-\(dev\|headers\)$' | paste -sd,)
-  if [[ $(cat "$sysroot.packages" 2>/dev/null) == "$packages" ]]; then return; fi
+  if [[ $(cat "$sysroot.packages" 2>/dev/null) == "$release $packages" ]]; then return; fi
   say "sysroot: Debian's packages for arm64"
   rm -rf "$sysroot"
-  mmdebstrap --variant=extract --architectures=arm64 --include="$packages" --logfile="$sysroot.log" bookworm "$sysroot" \
+  mmdebstrap --variant=extract --architectures=arm64 --include="$packages" --logfile="$sysroot.log" "$release" "$sysroot" \
     http://deb.debian.org/debian || { tail -n 5 "$sysroot.log" >&2; exit 4; }
   # Links within it, which would lead out of it; and those that its packages' scripts would have made.
   find "$sysroot/usr/lib" "$sysroot/lib" -lname '/*' | while read -r link; do ln -srfn "$sysroot$(readlink "$link")" "$link"; done
@@ -32,7 +33,7 @@ make_sysroot() {
   find "$libraries/cmake" -name '*.cmake' -exec sed -i "s#\([;\"]\)/usr/lib/aarch64-linux-gnu/#\1$libraries/#g" {} +
   # What qemu would take for this machine's: it looks up each path there first.
   rm -rf "$sysroot"/{dev,home,proc,root,run,sys,tmp,var}
-  printf '%s\n' "$packages" >"$sysroot.packages"
+  printf '%s\n' "$release $packages" >"$sysroot.packages"
 }
 
 on_arm() { qemu-aarch64 -L "$sysroot" "$@"; }

@@ -2,12 +2,14 @@
 # The packages of Debian as somebody has them: built, looked at by lintian, installed in a fresh root where nothing else is, used there, and
 # removed without a trace.
 #
-# Usage: tests/packages.sh     as root, since it makes a root folder (build-package/root) and enters it; else it is skipped (exit code 77)
+# Usage: tests/packages.sh     on Debian as root, since it makes a root folder (build-package/root) of this release and enters it; else it is
+#                              skipped (exit code 77)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source cli/packages.sh
 root=build-package/root
 source tests/root.sh
+release=$(debian_release)  # what is linked here is installed there
 
 say "build: build-package"
 rm -f build-package/*.deb
@@ -24,7 +26,7 @@ rm -r "$copy"
 say "lintian"
 lintian --allow-root --fail-on error build-package/*.deb
 
-make_root bookworm
+make_root "$release"
 mkdir "$root/tmp/debs"
 cp build-package/*.deb "$root/tmp/debs"
 cp -r tests/examples "$root/tmp/examples"

@@ -189,7 +189,7 @@ unity() {
 
 check_aarch64() {
   PIRT_TARGET=pirt build_pirt build
-  tests/aarch64.sh build/pirt
+  tests/aarch64.sh build/pirt || exit $?
 }
 
 # asan LAYER. LLVM within PoCL sets signal stacks of its own, which the sanitizer would free as its own; and the leak checker dies of PoCL's

@@ -76,6 +76,8 @@ void refuse_same_file(const std::string& a, const std::string& b, const std::str
   }
 }
 
+void say(const std::string& line) { std::fprintf(stderr, "pirt: %s\n", printable(line).c_str()); }
+
 void warn(const std::string& message) {
   std::fprintf(stderr, "warning: %s\n", printable(message).c_str());
 }

@@ -66,6 +66,8 @@ class Results {
 /// @throws Error{kBadInput} with @p remedy if both are the same file.
 void refuse_same_file(const std::string& a, const std::string& b, const std::string& remedy);
 
+/// A note on stderr. Not fmt::print, which throws where nobody listens.
+void say(const std::string& line);
 void warn(const std::string& message);
 void warn_all(std::span<const std::string> messages);
 

@@ -47,6 +47,9 @@ TEST(BudgetCommand, ACapBelowIdlePowerIsInfeasible) {
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.err, HasSubstr("--power-cap 0.3 W is infeasible"));
   EXPECT_EQ(outcome.out, "");
+  const auto unheard =
+      run(quoted(kProgram) + " schedule --platform fake --mode budget --power-cap 0.3W 2>&-");
+  EXPECT_EQ(unheard.exit_code, 1);
 }
 
 TEST(BudgetCommand, RefusesWhatIsNoGoal) {

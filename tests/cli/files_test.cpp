@@ -61,8 +61,8 @@ std::vector<HelpEntry> help_of(const std::string& command) {
   std::vector<HelpEntry> entries;
   const std::string help = help_text(command);
   const std::regex line(
-      "\n  (?:-[a-z],)?([a-z-]+)(?: (?!Needs:)([A-Z][^ =\n]*))?(?:=[^ \n]*)?([^\n]* REQUIRED)?"
-      "(?: Needs: ([a-z-]+))?");
+      "\n  (?:-[a-z],)?([a-z-]+)(?: (?!Needs:)([A-Z][^ =\n]*))?(?:=[^ \n]*| \\[[^\n]*\\] )?"
+      "([^\n]* REQUIRED)?(?: Needs: ([a-z-]+))?");
   for (std::sregex_iterator it(help.begin(), help.end(), line), end; it != end; ++it) {
     entries.push_back({(*it)[1], (*it)[2], (*it)[3].matched, (*it)[4]});
   }

@@ -76,6 +76,10 @@ TEST(Completion, OffersTheNamesOfWhatIsShipped) {
   EXPECT_THAT(offered({"schedule", "--platform", "snapdragon820-c"}),
               ElementsAre("snapdragon820-counted", ":files"));
   EXPECT_THAT(offered({"schedule", "--mix", "full"}), Contains("full-robot"));
+  EXPECT_THAT(offered({"what-if", "--modes", "edf,ene"}), ElementsAre("edf,energy", ":"));
+  EXPECT_THAT(offered({"what-if", "--platform", "snapdragon820-c"}),
+              ElementsAre("snapdragon820-counted", ":files"));
+  EXPECT_THAT(offered({"what-if", "--mix", "full"}), Contains("full-robot"));
   EXPECT_THAT(offered({"export", "p.db", "--filter", "sob"}), Contains("sobel"));
   EXPECT_THAT(offered({"characterize", "--variants", ""}), Contains("map"));
   EXPECT_THAT(offered({"list", ""}), IsSupersetOf({"workloads", "units", "meters"}));
@@ -91,6 +95,10 @@ TEST(Completion, OffersEachOfAListOnce) {
 TEST(Completion, OffersTheUnitsOfThePlatformThatTheLineNames) {
   EXPECT_THAT(offered({"schedule", "--platform", "snapdragon820", "--weights", ""}),
               ElementsAre("cpu=", "gpu=", "dsp=", ":open"));
+  for (const auto* command : {"schedule", "what-if"}) {
+    EXPECT_THAT(offered({command, "--platform", "snapdragon820", "--without", "gpu,"}),
+                ElementsAre("gpu,cpu", "gpu,dsp", ":"));
+  }
   EXPECT_THAT(offered({"schedule", "--platform=snapdragon820", "--weights", "gpu=4,"}),
               ElementsAre("gpu=4,cpu=", "gpu=4,dsp=", ":open"));
   const Scratch scratch;

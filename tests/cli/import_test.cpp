@@ -111,6 +111,15 @@ TEST_F(Import, TheFrontierSaysWhoseEnergyIsNotKnown) {
   EXPECT_EQ(json["left_out"].back()["reason"], "its energy is not known");
 }
 
+TEST_F(Import, StoresNothingOfAFileWithoutATimeOfACall) {
+  const auto file = scratch_.write(
+      "benchmark.yaml",
+      "id: a2\nname: a2_rectify\nresults:\n"
+      "- result: {hardware: Board X, metric: throughput, metric_unit: fps, value: 30}\n");
+  expect_refused(pirt({"import", file, "--db", database_}), {"no time of a call"});
+  EXPECT_FALSE(std::filesystem::exists(database_));
+}
+
 TEST_F(Import, StoresNothingOfATableWithAWrongRow) {
   const auto times =
       scratch_.write("t2.csv", "workload,unit,ms\nsobell,cpu,1\nmine.a,cpu,x\nmine.b,cpu,2\n");

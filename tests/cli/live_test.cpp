@@ -51,6 +51,14 @@ TEST_F(LiveCommand, WritesARecordAndATraceThatReplays) {
   EXPECT_EQ(pirt({"replay", scratch_.file("t.json")}).exit_code, 0);
 }
 
+TEST_F(LiveCommand, RunsWhereStandardErrorTakesNothing) {
+  for (const char* const to : {" 2>&-", " 2>/dev/full"}) {
+    const auto outcome = run(command("--duration 100ms") + to);
+    EXPECT_EQ(outcome.exit_code, 0) << to;
+    EXPECT_THAT(outcome.out, HasSubstr("10 tasks submitted")) << to;
+  }
+}
+
 TEST_F(LiveCommand, KeepsWhatRanWhenItIsInterrupted) {
   const std::string heard = quoted(scratch_.file("heard"));
   const auto outcome =

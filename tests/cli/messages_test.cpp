@@ -109,6 +109,37 @@ TEST(Messages, OfUncertainRowsMeasureTheSameAgain) {
                     Not(HasSubstr("--quick"))));
 }
 
+/// Characterizes sobel on a unit of this script, whose set-ups are all good.
+Outcome characterize_scripted(const std::string& script, const std::vector<std::string>& more) {
+  const Scratch scratch;
+  std::vector<std::string> arguments = {
+      "characterize",
+      "--quick",
+      "--platform",
+      scratch.write("f.yaml",
+                    "platform: f\nunits: {gpu: {backend: fake, script: {" + script + "}}}\n"),
+      "--filter",
+      "^sobel$",
+      "--db",
+      scratch.file("p.db")};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return pirt(arguments);
+}
+
+TEST(Messages, SetUpsAloneAreNothingThatWasMeasured) {
+  const auto outcome = characterize_scripted("wrong_output: [sobel]", {});
+  EXPECT_EQ(outcome.exit_code, 4);
+  EXPECT_THAT(outcome.err, HasSubstr("nothing was measured: sobel (gpu): wrong_output"));
+}
+
+TEST(Messages, StrictAsksForACallThatIsFreeOfDoubt) {
+  const std::string apart = "process_factors: [1, 5], stages: {sobel: [{name: execute, ms: 1}]}";
+  EXPECT_EQ(characterize_scripted(apart, {}).exit_code, 0);
+  const auto strict = characterize_scripted(apart, {"--strict"});
+  EXPECT_EQ(strict.exit_code, 3);
+  EXPECT_THAT(strict.err, HasSubstr("no row of a call is free of doubt"));
+}
+
 TEST(Messages, SayWhereNoUnitSuspendsCalls) {
   const Scratch scratch;
   const auto mix = scratch.write("m.yaml", kMix);

@@ -284,7 +284,8 @@ TEST_F(Own, IsHeldAgainstAnother) {
   const auto outcome = regress("bad.good=bad.prints", {"--units", "cpu"});
   EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
   EXPECT_THAT(outcome.out,
-              AllOf(HasSubstr("--workload bad.good"), HasSubstr("--workload bad.prints")));
+              AllOf(HasSubstr("--workload bad.good"), HasSubstr("--workload bad.prints"),
+                    testing::ContainsRegex("bad.good=bad.prints +cpu +all")));
   EXPECT_THAT(outcome.err, AllOf(Not(HasSubstr("do not have the same to do")),
                                  Not(HasSubstr("has no reference"))));
   EXPECT_THAT(regress("bad.renamed=bad.good", {"--units", "cpu"}).err,

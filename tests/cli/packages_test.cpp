@@ -42,6 +42,17 @@ TEST(Packages, CountTheMemoryThatControlGroupsLeave) {
   EXPECT_EQ(free_kb(), "1000\n");
 }
 
+TEST(Packages, AreTriedInTheReleaseOfDebianThatTheyAreBuiltOn) {
+  const Scratch scratch;
+  fs::create_directories(scratch.file("etc"));
+  const auto release = [&](const std::string& text) {
+    scratch.write("etc/os-release", text);
+    return said("debian_release \"$1\" 2>&1 || echo $?", scratch.file(""));
+  };
+  EXPECT_EQ(release("VERSION_CODENAME=trixie\nID=debian\n"), "trixie\n");
+  EXPECT_EQ(release("VERSION_CODENAME=noble\nID=ubuntu\n"), "skipped: this is not Debian\n77\n");
+}
+
 TEST(Packages, AreInstalledIfThoseOfThisArchitectureAre) {
   const auto answer = [](const std::string& states) {
     return said(

@@ -88,7 +88,32 @@ TEST_F(ReportOfRuns, DrawsTheScheduleOfTheRunThatIsGiven) {
   const auto page = scratch_->file("budget.html");
   const auto report = pirt({"report", "page", database(), record, "--mix", kMix, "-o", page});
   ASSERT_EQ(report.exit_code, 0) << report.err;
-  EXPECT_THAT(slurp(page), HasSubstr("--seed 1 --objective energy --min-rate 0.001 --trace"));
+  EXPECT_THAT(slurp(page), AllOf(HasSubstr("--seed 1 --in-flight "),
+                                 HasSubstr(" --objective energy --min-rate 0.001 --trace")));
+}
+
+TEST_F(ReportOfRuns, SaysWhatMakesItsScheduleAgainInAnyFolder) {
+  scratch_->write("mine.yaml",
+                  "mix: mine\npipelines:\n"
+                  "  p: {closed_loop: {frames: 3}, tasks: [{workload: convolution}]}\n");
+  scratch_->write("fake.yaml",
+                  slurp(std::string(kSourceFolder) + "/characterize/platform/platforms/fake.yaml"));
+  const auto report = run("cd " + quoted(scratch_->file(".")) + " && " + quoted(kProgram) +
+                          " report page p.db --platform ./fake.yaml --mix ./mine.yaml --set "
+                          "cpu.active_w=15 --strict -o mine.html");
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  const std::string page = slurp(scratch_->file("mine.html"));
+  const std::string before = "the whole of it: pirt ";
+  const auto begin = page.find(before);
+  ASSERT_NE(begin, std::string::npos);
+  const auto from = begin + before.size();
+  const std::string arguments = page.substr(from, page.find("</p>", from) - from);
+  EXPECT_THAT(arguments, AllOf(HasSubstr(" --set cpu.active_w=15 "), HasSubstr(" --strict ")));
+  const Scratch elsewhere;
+  const auto again =
+      run("cd " + quoted(elsewhere.file(".")) + " && " + quoted(kProgram) + " " + arguments);
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_TRUE(std::filesystem::exists(elsewhere.file("trace.json")));
 }
 
 TEST_F(ReportOfRuns, APlatformIsTheFirstDatabasesAlone) {

@@ -27,6 +27,21 @@ function(check_flags binary target)
   endif()
 endfunction()
 
+# Each program, named by its folder within BINARY, links once what says where modules are, which Makefiles make before.
+function(check_place binary)
+  foreach(folder IN LISTS ARGN)
+    file(READ ${binary}/${folder}/link.txt link)
+    string(REGEX MATCHALL "module_folder\\.cpp\\.o" places "${link}")
+    if(NOT places STREQUAL "module_folder.cpp.o")
+      message(FATAL_ERROR "a program does not know once where modules are, but '${places}':\n${link}")
+    endif()
+  endforeach()
+  file(STRINGS ${binary}/CMakeFiles/Makefile2 rules REGEX "dir/all: .*pirt_place\\.dir/all")
+  if(NOT rules)
+    message(FATAL_ERROR "no Makefile waits for what says where modules are")
+  endif()
+endfunction()
+
 # @param text  Of a link line, or ldd.
 function(check_no_kernels text)
   if(text MATCHES "(opencv|dnnl|OpenCL|ceres|sqlite)[^ \n]*")

@@ -106,9 +106,8 @@ RuntimeOptions runtime_options(const RunRobotFlags& options) {
   runtime.mode = options.mode.value_or("ect");
   runtime.slices = options.slices != "off";
   if (options.trace) runtime.trace = options.trace.path();
-  runtime.progress = [](const std::string& line) { fmt::print(stderr, "pirt: {}\n", line); };
-  runtime.problem = [said = std::make_shared<std::atomic<int>>(0),
-                     say = runtime.progress](const std::string& line) {
+  runtime.progress = say;
+  runtime.problem = [said = std::make_shared<std::atomic<int>>(0)](const std::string& line) {
     constexpr int kMostLines = 200;
     if (++*said <= kMostLines) say(line);
   };

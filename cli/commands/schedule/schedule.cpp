@@ -200,7 +200,7 @@ bool is_infeasible(const Inputs& inputs, const ScheduleOptions& settings) {
   const Platform opened =
       on_devices(inputs.platform, inputs.profile ? &*inputs.profile : nullptr, settings.without);
   if (!settings.power_cap_w || above_idle_j(opened, *settings.power_cap_w) >= 0) return false;
-  fmt::print(stderr, "pirt: {}\n", infeasible_cap(opened, *settings.power_cap_w));
+  say(infeasible_cap(opened, *settings.power_cap_w));
   return true;
 }
 
@@ -274,8 +274,7 @@ void update_profile(ProfileWriter& writer, const Inputs& inputs, const RunRecord
                     const LiveCalls& calls) {
   const auto rows = rows_to_update(record, calls, *inputs.profile);
   if (rows.empty()) {
-    fmt::print(stderr, "pirt: {}: the run contradicts no row, nothing is updated\n",
-               inputs.profile->path);
+    say(inputs.profile->path + ": the run contradicts no row, nothing is updated");
     return;
   }
   std::map<std::string, DeviceInfo> devices;
@@ -286,8 +285,8 @@ void update_profile(ProfileWriter& writer, const Inputs& inputs, const RunRecord
     names.push_back(row.replaced.workload + " on " + unit);
   }
   const auto run_id = write_live_rows(writer, inputs.platform, devices, record.seed, rows);
-  fmt::print(stderr, "pirt: {}: run {} has what the live run contradicts, measured anew: {}\n",
-             inputs.profile->path, run_id, join(names, ", "));
+  say(fmt::format("{}: run {} has what the live run contradicts, measured anew: {}",
+                  inputs.profile->path, run_id, join(names, ", ")));
 }
 
 int schedule(const ScheduleFlags& options) {
@@ -303,7 +302,7 @@ int schedule(const ScheduleFlags& options) {
   live.prepare_first = !options.no_preinit;
   const auto* stops = options.live ? count_stop_signals() : nullptr;
   if (options.live) live.stop = [stops] { return stops->load(); };
-  live.progress = [](const std::string& line) { fmt::print(stderr, "pirt: {}\n", line); };
+  live.progress = say;
   std::optional<ProfileWriter> writer;  // Before the run: what cannot be written is said now.
   LiveCalls calls;
   if (options.update_profile) {
@@ -377,7 +376,8 @@ void add_schedule(CLI::App& app, Action& action) {
             "Mode budget: draw no more in any second, e.g. 11W; tasks with a deadline may, and are "
             "counted");
   add_list_of(command, "--without", options->without, "UNIT,...",
-              "Units that serve nothing, as if they were away from the beginning");
+              "Units that serve nothing, as if they were away from the beginning")
+      .offers(offer_units());
   add_choice(command, "--slices", &options->slices, "WHETHER", {"on", "off"},
              "Let tasks with a nearer deadline in between two slices of a call, where its workload "
              "can be left there (default: on in mode budget, off in others)");

@@ -12,6 +12,7 @@
 #include "cli/options/output.h"
 #include "cli/options/own.h"
 #include "cli/options/profile_platform.h"
+#include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "reports/document/document.h"
 #include "reports/run/what_if_report.h"
@@ -78,12 +79,8 @@ int find_what_breaks(const WhatIfFlags& options) {
   if (std::ranges::none_of(found.rows, ran)) throw_bad_input(found.rows.front().not_run);
   const Document document = what_if_document(found, read.platform, mix);
   if (options.markdown) emit_text(render(document, Format::kMarkdown), options.markdown);
-  const Json json = what_if_json(found, read.platform, mix);
-  if (options.markdown.to_stdout()) {
-    if (options.json) emit("", json, options.json);
-  } else {
-    emit(render(document, Format::kText), json, options.json);
-  }
+  emit(options.markdown.to_stdout() ? "" : render(document, Format::kText),
+       what_if_json(found, read.platform, mix), options.json);
   const auto fits = [](const WhatIfRow& row) { return row.holds.has_value(); };
   return std::ranges::any_of(found.rows, fits) ? 0 : kExitCheckFailed;
 }
@@ -97,16 +94,20 @@ void add_what_if(CLI::App& app, Action& action) {
   add_workloads(command, options->own);
   add_input(command, "--mix", &options->mix, "A name of `pirt list mixes`, or a YAML file",
             FileUse::kReadIfFile)
+      .offers(offer_mixes())
       .shows_default();
   add_input(command, "--profile", &options->profile, "Profile database of pirt characterize");
   add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file (default: the profile's)",
-            FileUse::kReadIfFile);
+            FileUse::kReadIfFile)
+      .offers(offer_platforms());
   add_settings(command, options->settings);
   add_list_of(command, "--without", options->without, "UNIT,...",
-              "Units that serve nothing, as if they were away from the beginning");
+              "Units that serve nothing, as if they were away from the beginning")
+      .offers(offer_units());
   add_list_of(command, "--modes", options->modes, "MODE,...",
-              "The modes of the table (default: the paper's and budget)");
+              "The modes of the table (default: the paper's and budget)")
+      .offers(offer_modes());
   add_text(command, "--raise", &options->raise, "PIPELINE.rate_hz",
            "Whose rate rises, up to four times what it is (default: all.rate_hz, all together)");
   const Option lower = add_text(command, "--lower", &options->lower, "power-cap",
