@@ -164,10 +164,11 @@ void LiveUnits::look_for_hung(Nanos due) {
 void LiveUnits::give_up(UnitId unit, Call& call, Nanos ran, const std::vector<Call*>& behind) {
   driver_.set_unit(unit, UnitState::kGone);
   // What waits for it between two slices never ends either.
-  for (Call* const outer : units_[unit]->suspended()) {
+  for (const auto& [outer, ran_before] : units_[unit]->suspended()) {
     give_up_for_good(
         unit, *outer,
         {.outcome = Outcome::kFailed,
+         .busy = ran_before,
          .problem = outer->workload->name + ": left for " + call.workload->name + ", which hangs"});
   }
   give_up_for_good(

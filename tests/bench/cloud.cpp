@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <condition_variable>
 #include <cstdlib>
 #include <mutex>
@@ -20,7 +21,7 @@
 #include <vector>
 
 #include "tests/workloads/backends/nats/nats_server.h"
-#include "workloads/backends/nats/wire/subjects.h"
+#include "workloads/backends/nats/wire/wire.h"
 #include "workloads/base/text/json.h"
 
 namespace {
@@ -72,47 +73,32 @@ class Robot {
     if (!link_.wait_until_up(kLong)) throw std::runtime_error(link_.why_down());
   }
   void begin() {
-    for (int i = 0; i < kUnderWay; ++i) submit();
+    for (int i = 0; i < kUnderWay; ++i) callers_.emplace_back([this] { call(); });
   }
-  void end() {
-    const std::lock_guard lock(mutex_);
-    ends_ = true;
-  }
+  void end() { ends_ = true; }
   /// @return  Milliseconds of each task.
   std::vector<double> take() {
-    std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, kLong, [this] { return under_way_ == 0; });
+    callers_.clear();
     return std::move(took_ms_);
   }
 
  private:
-  void submit() {
-    {
+  void call() {
+    while (!ends_) {
+      const Nanos begin = pirt::MachineClock().now();
+      const auto task = test::make_submission(workload_, {.tens_of_ms = kServiceMs / 10});
+      if (!test::Submitted(link_, task).end(kLong).problem.empty()) continue;
       const std::lock_guard lock(mutex_);
-      if (ends_) return;
-      ++under_way_;
+      took_ms_.push_back(pirt::to_ms(pirt::MachineClock().now() - begin));
     }
-    Submission submission = test::make_submission(workload_, {.tens_of_ms = kServiceMs / 10});
-    submission.ended = [this, begin = pirt::MachineClock().now()](const ReplyMessage& end) {
-      {
-        const std::lock_guard lock(mutex_);
-        --under_way_;
-        const Nanos took = pirt::MachineClock().now() - begin;
-        if (end.problem.empty()) took_ms_.push_back(pirt::to_ms(took));
-      }
-      changed_.notify_all();
-      submit();
-    };
-    link_.submit(link_.next_task(), std::move(submission));
   }
 
   std::mutex mutex_;
-  std::condition_variable changed_;
   std::vector<double> took_ms_;
-  int under_way_ = 0;
-  bool ends_ = false;
-  RobotLink link_;  // Its threads use the rest.
+  std::atomic<bool> ends_ = false;
+  RobotLink link_;
   const Workload& workload_;
+  std::vector<std::jthread> callers_;  // They use the rest.
 };
 
 /// One row: so many workers and robots for so long.
@@ -202,12 +188,11 @@ class ByHand {
     worker_.subscribe("bench.task", [this](const Incoming& message) {
       auto task = decode_as<TaskMessage>(message.data);
       worker_.publish("bench.answer", encode(ReplyMessage{.kind = ReplyKind::kRunning}));
-      worker_.publish("bench.answer",
-                      encode(ReplyMessage{.outputs = std::move(task.value->inputs)}));
+      worker_.publish("bench.answer", encode(ReplyMessage{.outputs = std::move(task.inputs)}));
     });
     robot_.subscribe("bench.answer", [this](const Incoming& message) {
       const auto reply = decode_as<ReplyMessage>(message.data);
-      if (reply.value->kind == ReplyKind::kRunning) return;
+      if (reply.kind == ReplyKind::kRunning) return;
       const std::lock_guard lock(mutex_);
       came_ = true;
       changed_.notify_all();
@@ -254,19 +239,8 @@ std::vector<double> times_ms(int tasks, const Call& call) {
 
 /// A task, and until it has ended.
 void call_and_wait(RobotLink& robot, const Submission& task) {
-  std::mutex mutex;
-  std::condition_variable changed;
-  bool ended = false;
-  Submission submission = task;
-  submission.ended = [&](const ReplyMessage& end) {
-    if (!end.problem.empty()) fmt::print(stderr, "{}\n", end.problem), std::abort();
-    const std::lock_guard lock(mutex);
-    ended = true;
-    changed.notify_all();
-  };
-  robot.submit(robot.next_task(), std::move(submission));
-  std::unique_lock lock(mutex);
-  changed.wait(lock, [&] { return ended; });
+  const ReplyMessage end = test::Submitted(robot, task).end(kLong);
+  if (!end.problem.empty()) fmt::print(stderr, "{}\n", end.problem), std::abort();
 }
 
 /// @return  Whether the goal is met.
@@ -319,7 +293,7 @@ std::vector<double> rates(double seconds, bool greedy) {
     if (!links.back()->wait_until_up(kLong)) throw std::runtime_error(links.back()->why_down());
   }
   const Submission task = test::make_submission(small, {.tens_of_ms = kServiceMs / 10});
-  const auto submit = [&](RobotLink& link) { link.submit(link.next_task(), task); };
+  const auto submit = [&](RobotLink& link) { static_cast<void>(test::Submitted(link, task)); };
   if (greedy) {
     for (int i = 0; i < 100 * static_cast<int>(seconds); ++i) submit(*links[0]);
   }
@@ -332,7 +306,7 @@ std::vector<double> rates(double seconds, bool greedy) {
   std::vector<double> all;
   for (int r = 1; r <= kOthers; ++r) {
     const auto& link = *links[static_cast<std::size_t>(r)];
-    all.push_back(static_cast<double>(link.counts().done) / seconds);
+    all.push_back(static_cast<double>(link.ask(&Caller::counts).done) / seconds);
   }
   return all;
 }
@@ -404,8 +378,8 @@ bool hedge(int tasks) {
     const Submission task = test::make_submission(small, {});
     took.push_back(times_ms(tasks, [&] { call_and_wait(robot, task); }));
     if (hedges) {
-      extra = static_cast<double>(robot.counts().hedged) /
-              static_cast<double>(robot.counts().submitted);
+      const CallerCounts counts = robot.ask(&Caller::counts);
+      extra = static_cast<double>(counts.hedged) / static_cast<double>(counts.submitted);
     }
   }
   const double without = quantile(took[0], 0.99), with = quantile(took[1], 0.99);

@@ -4,7 +4,7 @@
 #include "workloads/backends/dsp/dsp_options.h"
 #include "workloads/backends/fake/fake_options.h"
 #include "workloads/backends/fpga/fpga_options.h"
-#include "workloads/backends/nats/nats_settings.h"
+#include "workloads/backends/nats/nats_backend.h"
 
 namespace pirt {
 

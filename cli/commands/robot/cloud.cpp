@@ -134,18 +134,19 @@ std::map<const Workload*, Nanos> call_limits(const CloudFlags& options,
   return limits;
 }
 
-/// What every process of it computes with.
-std::vector<std::string> slot_arguments(const CloudFlags& options) {
-  std::vector<std::string> arguments = {"cloud-slot", "--units", options.unit, "--cache-mb",
-                                        std::to_string(options.cache_mb)};
+/// What every process of it is.
+std::vector<std::string> slot_command(const CloudFlags& options) {
+  std::vector<std::string> command = {"/proc/self/exe", "cloud-slot",
+                                      "--units",        options.unit,
+                                      "--cache-mb",     std::to_string(options.cache_mb)};
   for (const std::string& file : options.own.all()) {
-    arguments.insert(arguments.end(), {"--workloads", file});
+    command.insert(command.end(), {"--workloads", file});
   }
   for (const auto& more :
        {options.model.arguments(""), options.classifier.arguments("classifier")}) {
-    arguments.insert(arguments.end(), more.begin(), more.end());
+    command.insert(command.end(), more.begin(), more.end());
   }
-  return arguments;
+  return command;
 }
 
 /// @throws Error{kBadInput} for what is no unit of this machine's.
@@ -182,17 +183,16 @@ int work(const CloudFlags& options) {
       .limits = {.slots = options.slots},
       .call_bytes = static_cast<std::uint64_t>(options.cache_mb) << 20,
       .make_computer = [&options, &limits] {
-        return cloud::make_process_computer({.program = "/proc/self/exe",
-                                             .arguments = slot_arguments(options),
+        return cloud::make_process_computer({.command = slot_command(options),
                                              .call_limit = parse_duration(options.call_limit),
                                              .call_limits = limits});
       }};
   // Whether they are models that can be run shows now, and not at the first task.
   if (own) static_cast<void>(recognition::open_described(*own));
   const std::atomic<bool>* const stop = stop_on_signal();
-  cloud::serve(worker, known,
-               {.stop = [stop] { return stop->load(); },
-                .say = [](const std::string& line) { emit_text(line + "\n", {}); }});
+  cloud::serve(
+      worker, known, [stop] { return stop->load(); },
+      [](const std::string& line) { emit_text(line + "\n", {}); });
   return 0;
 }
 
@@ -201,7 +201,6 @@ int administer(const CloudFlags& options) {
       options.connection, {.robots = options.robots,
                            .robot_bytes = static_cast<std::uint64_t>(options.robot_mb) << 20});
   for (const std::string& line : done) emit_text(line + "\n", {});
-  if (done.empty()) emit_text("all is there\n", {});
   return 0;
 }
 

@@ -52,5 +52,33 @@ TEST(FilesNamedByWords, AreFoundWhereverAWordHasThem) {
   fs::remove_all(folder);
 }
 
+TEST(FilesNamedByWords, AreThoseOfTheFoldersThatTheCommandChangesTo) {
+  std::string made = (fs::temp_directory_path() / "pirt-path-XXXXXX").string();
+  ASSERT_NE(::mkdtemp(made.data()), nullptr);
+  const fs::path folder = made;
+  for (const char* each : {"a", "b"}) {
+    fs::create_directory(folder / each);
+    for (const char* name : {"icp", "x.yaml", "icp.log"}) std::ofstream(folder / each / name) << 1;
+    fs::permissions(folder / each / "icp", fs::perms::owner_all);
+  }
+  const auto named = [&](const std::vector<std::string>& words) {
+    std::vector<std::string> names;
+    for (const CommandFile& each : files_named_by(words, folder)) {
+      if (each.name.find('/') == std::string::npos) continue;  // Some have a program "cd".
+      EXPECT_TRUE(fs::equivalent(each.file, folder / each.name)) << each.file;
+      EXPECT_EQ(each.is_program, each.name.ends_with("icp")) << each.name;
+      names.push_back(each.name);
+    }
+    return names;
+  };
+  EXPECT_EQ(named({"-c", "cd a && ./icp <x.yaml >icp.log"}),
+            (std::vector<std::string>{"a/./icp", "a/x.yaml"}));
+  EXPECT_EQ(named({"-c", "(cd a && ./icp); cd b; cd .; exec ./icp"}),
+            (std::vector<std::string>{"a/./icp", "b/./icp"}));
+  EXPECT_EQ(named({"-C", "b", "./icp"}), (std::vector<std::string>{"b/./icp"}));
+  EXPECT_TRUE(named({"-c", "cd none && ./icp"}).empty());
+  fs::remove_all(folder);
+}
+
 }  // namespace
 }  // namespace pirt::test

@@ -133,6 +133,39 @@ TEST(Mcap, RefusesABitThatChangedOrReadsTheRest) {
   }
 }
 
+TEST(Mcap, MessagesInFrontOfAChunkComeBeforeIts) {
+  using mcap::Op;
+  using mcap::raw;
+  using mcap::sized;
+  const std::string one = raw(std::uint16_t{1});
+  const auto message = [&one](int i) {
+    const std::string time = raw(static_cast<std::uint64_t>(from_ms(100.0 * i).count()));
+    return mcap::record(Op::kMessage,
+                        one + raw(std::uint32_t{0}) + time + time + std::to_string(i));
+  };
+  std::string text = std::string(mcap::kMagic) + mcap::record(Op::kHeader, sized("") + sized(""));
+  text +=
+      mcap::record(Op::kSchema, one + sized("sensor_msgs/msg/Imu") + sized("ros2msg") + sized(""));
+  text += mcap::record(Op::kChannel, one + one + sized("/imu") + sized("cdr") + sized(""));
+  for (int i = 0; i < 20; ++i) text += message(i);
+  std::string chunk;
+  for (int i = 20; i < 120; ++i) chunk += message(i);
+  const std::string size = raw(std::uint64_t{chunk.size()});
+  text += mcap::record(
+      Op::kChunk, std::string(16, '\0') + size + raw(std::uint32_t{0}) + sized("") + size + chunk);
+  text += mcap::record(Op::kDataEnd, raw(std::uint32_t{0}));
+  text += mcap::record(Op::kFooter, std::string(20, '\0'));
+  const test::ScratchFolder scratch;
+  put(scratch.path() / "a.mcap", text + std::string(mcap::kMagic));
+  const auto recording = open_mcap(scratch.path() / "a.mcap");
+  EXPECT_THAT(recording->warnings(), IsEmpty());
+  ASSERT_EQ(recording->topics().at(0).messages, 120U);
+  for (std::size_t i = 0; i < 120; ++i) {
+    EXPECT_EQ(recording->message(0, i), std::to_string(i));
+    EXPECT_EQ(recording->message(0, i, 1), std::to_string(i).substr(0, 1));
+  }
+}
+
 /// A flight of a second as every kind of recording.
 class Packed : public testing::Test {
  protected:
@@ -389,6 +422,16 @@ TEST_F(Packed, PartsOfAFolderAreOne) {
     };
     metadata("a_1");
     expect_same(read_sequence(folder));
+    if (best_compression() == "zstd") {
+      const fs::path part_file = folder / ("a_1" + ending);
+      const fs::path packed = part_file.string() + ".zst";
+      const std::string plain = text_of(part_file);
+      put(packed, pack("zstd", plain, "f"));
+      fs::remove(part_file);
+      expect_same(read_sequence(folder));
+      fs::remove(packed);
+      put(part_file, plain);
+    }
     metadata("a_2");
     EXPECT_THAT(
         bad_input([&] { static_cast<void>(read_sequence(folder)); }),

@@ -69,6 +69,36 @@ TEST_F(OwnRecording, PlacesItsSensorsByTransformsOfBeforeTf2) {
   EXPECT_THAT(sequence.warnings, IsEmpty());
 }
 
+TEST_F(OwnRecording, TakesTheTwinOfATopicWhosePicturesAreNone) {
+  add_info("/camera/camera_info");
+  add_picture("/camera/image_raw", "bayer_rggb8", 16, 16, kGrey);
+  add_picture("/camera/image_mono", "mono8", 16, 16, std::string(256, 'b'));
+  const Sequence sequence = read();
+  EXPECT_THAT(sequence.image(0, 0).pixels, testing::Each('b'));
+  EXPECT_THAT(sequence.warnings,
+              ElementsAre(AllOf(HasSubstr("pictures are those of /camera/image_mono"),
+                                HasSubstr("/camera/image_raw is encoded as 'bayer_rggb8'"))));
+}
+
+TEST_F(OwnRecording, TakesTheCompressedTwinOfATopicWhosePicturesAreNone) {
+  add_info("/camera/camera_info");
+  add_picture("/camera/image_raw", "yuv422_yuy2", 16, 16, std::string(512, 'a'));
+  add_compressed("/camera/image_raw/compressed", "png",
+                 encode_png(cv::Mat(16, 16, CV_8U, cv::Scalar(9))));
+  const Sequence sequence = read();
+  EXPECT_THAT(sequence.image(0, 0).pixels, testing::Each(9));
+  EXPECT_THAT(sequence.warnings, ElementsAre(HasSubstr("is encoded as 'yuv422_yuy2'")));
+}
+
+TEST_F(OwnRecording, TheInfoOfTheFolderAboveIsOfAnotherCamera) {
+  add_info("/camera_info");
+  add_picture("/image_raw", "mono8", 16, 16, kGrey);
+  add_picture("/cam2/image_raw", "mono8", 16, 16, kGrey);
+  const Sequence sequence = read();
+  EXPECT_EQ(sequence.cameras.size(), 1U);
+  EXPECT_THAT(sequence.warnings, ElementsAre(HasSubstr("/cam2/image_raw has no camera_info")));
+}
+
 /// Two cameras, whose projections say where they sit.
 class RecordedPair : public OwnRecording {
  protected:
@@ -84,6 +114,21 @@ class RecordedPair : public OwnRecording {
         frame_ = name;
         written_ = from_ms(50.0 * i).count();
         add_picture(robot + name + "/image_raw", "mono8", 16, 16, kGrey);
+      }
+    }
+  }
+  /// @param first_right  In place of the right camera's first picture.
+  void add_compressed_pair(const std::string& first_right) {
+    const std::string png = encode_png(cv::Mat(16, 16, CV_8U, cv::Scalar(9)));
+    for (const auto& [name, shift] : {std::pair<std::string, double>("/left", 0), {"/right", -8}}) {
+      CameraInfoMessage message = info();
+      message.p[3] = shift;
+      add_info(name + "/camera_info", message);
+      for (int i = 1; i < 4; ++i) {
+        frame_ = name;
+        written_ = from_ms(50.0 * i).count();
+        add_compressed(name + "/image_raw/compressed", "png",
+                       i == 1 && shift < 0 ? first_right : png);
       }
     }
   }
@@ -150,21 +195,20 @@ TEST_F(RecordedPair, IsAsFarApartAsBothProjectionsSay) {
 }
 
 TEST_F(RecordedPair, IsOneThoughItsFirstPictureIsEmpty) {
-  const std::string png = encode_png(cv::Mat(16, 16, CV_8U, cv::Scalar(9)));
-  for (const auto& [name, shift] : {std::pair<std::string, double>("/left", 0), {"/right", -8}}) {
-    CameraInfoMessage message = info();
-    message.p[3] = shift;
-    add_info(name + "/camera_info", message);
-    for (int i = 1; i < 4; ++i) {
-      frame_ = name;
-      written_ = from_ms(50.0 * i).count();
-      add_compressed(name + "/image_raw/compressed", "png", i == 1 && shift < 0 ? "" : png);
-    }
-  }
+  add_compressed_pair("");
   const Sequence sequence = read();
   ASSERT_EQ(sequence.cameras.size(), 2U);
   EXPECT_THAT(test::bad_input([&] { static_cast<void>(sequence.image(0, 1)); }),
               HasSubstr("has no pixels"));
+  EXPECT_FALSE(sequence.image(1, 1).empty());
+}
+
+TEST_F(RecordedPair, IsOneThoughItsFirstPictureIsNone) {
+  add_compressed_pair(std::string(4, '\0'));
+  const Sequence sequence = read();
+  ASSERT_EQ(sequence.cameras.size(), 2U);
+  EXPECT_THAT(test::bad_input([&] { static_cast<void>(sequence.image(0, 1)); }),
+              HasSubstr("is encoded as 'png'"));
   EXPECT_FALSE(sequence.image(1, 1).empty());
 }
 

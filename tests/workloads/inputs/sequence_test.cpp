@@ -222,6 +222,52 @@ TEST_F(SpoiledEuroc, ACalibrationIsOfTheCameraOfItsName) {
       good.cameras[1].body_from_camera.position, 1e-9));
 }
 
+TEST_F(SpoiledEuroc, ACalibrationIsOfTheCameraWhoseTopicItNames) {
+  const Sequence good = read_sequence(folder_);
+  CameraModel left = good.cameras[0];
+  left.fx += 50;
+  const auto named = [](const std::string& chain, const std::string& topic) {
+    return chain.substr(0, chain.find("  T_cam_imu")) + "  rostopic: " + topic + "\n";
+  };
+  // The right camera is the file's first, 0.1 m along x of the left one's axes.
+  put(folder_ / "chain.yaml",
+      named(chain_of("cam0", good.cameras[1]), "/cam1/image_raw") +
+          named(chain_of("cam1", left), "/cam0/image_raw") +
+          "  T_cn_cnm1: [[1, 0, 0, 0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n");
+  const Sequence read = read_sequence(folder_, {.calibration = folder_ / "chain.yaml"});
+  ASSERT_EQ(read.cameras.size(), 2U);
+  EXPECT_EQ(read.cameras[0].fx, left.fx);
+  EXPECT_EQ(read.cameras[1].fx, good.cameras[1].fx);
+  const Pose between =
+      read.cameras[0].body_from_camera.inverse() * read.cameras[1].body_from_camera;
+  EXPECT_NEAR(between.position.x(), 0.1, 1e-12);
+}
+
+TEST_F(SpoiledEuroc, SaysThatACalibrationIsOfAnotherCamera) {
+  const fs::path other = scratch_.path() / "other";
+  fs::create_directories(other / "cam0");
+  fs::rename(folder_ / "mav0/cam0/sensor.yaml", other / "cam0/sensor.yaml");
+  fs::remove_all(folder_ / "mav0/cam0");
+  EXPECT_THAT(read_sequence(folder_, {.calibration = other}).warnings,
+              testing::Contains(HasSubstr("of /cam0/image_raw is taken for cam1")));
+}
+
+TEST_F(SpoiledEuroc, WhereTheImuSitsNeedsNotBeSaidWithACalibration) {
+  const Sequence good = read_sequence(folder_);
+  const fs::path chain = folder_ / "chain.yaml";
+  put(chain, chain_of("cam0", good.cameras[0]) + chain_of("cam1", good.cameras[1]));
+  edit("imu0/sensor.yaml", "T_BS:", "T_other:");
+  for (const bool imu : {false, true}) {
+    const Sequence read = read_sequence(folder_, {.imu = imu, .calibration = chain});
+    EXPECT_EQ(read.truth.size(), good.truth.size());
+    EXPECT_EQ(read.imu.size(), imu ? good.imu.size() : 0U);
+  }
+  put(folder_ / "mav0/imu0/sensor.yaml", "rate_hz: [");
+  const Sequence read = read_sequence(folder_, {.imu = false, .calibration = chain});
+  EXPECT_EQ(read.frames.size(), good.frames.size());
+  EXPECT_THAT(read.warnings, testing::Contains(HasSubstr("is not taken for truth")));
+}
+
 // An IMU that is turned on the body: what cameras see of its accelerations is the same.
 TEST_F(SpoiledEuroc, AllCalibrationsHaveTheBodyThatTheSamplesHave) {
   const Sequence good = read_sequence(folder_);

@@ -76,6 +76,9 @@ TEST(Stamps, OfAClockThatBeginsAnewAreOfItsLongestRun) {
   EXPECT_THAT(restarts_of(ms({5000, 5050, 5100, 1, 5150, 5200})), IsEmpty()) << "one is late";
   EXPECT_THAT(restarts_of(ms({5000, 5050, 5100, 9000, 9050, 9100, 5150, 5200, 5250})), IsEmpty());
   EXPECT_THAT(restarts_of(ms({5000, 5050, 5100, 1000, 1050, 1100, 5150, 5200, 5250})), IsEmpty());
+  const auto half = ms({5000, 5050, 5100, 4600, 4650, 4700});
+  EXPECT_THAT(restarts_of(half), IsEmpty());
+  EXPECT_THAT(restarts_of(half, from_ms(100)), ElementsAre(3));
 }
 
 TEST(Stamps, ArePlayedWithoutTheirPauses) {

@@ -64,6 +64,17 @@ TEST_F(DigestOfAProgram, IsNotOfWhatItWrites) {
   EXPECT_NE(with(logs), of_logs);
 }
 
+TEST_F(DigestOfAProgram, IsOfWhatTheCommandChangesTo) {
+  fs::create_directory(folder_ / "build");
+  fs::permissions(write("build/icp", "1"), fs::perms::owner_all);
+  const std::string command = "[sh, -c, \"cd build && ./icp >icp.log\"]";
+  const std::string before = with(command);
+  write("build/icp.log", "1");
+  EXPECT_EQ(with(command), before);
+  write("build/icp", "2");
+  EXPECT_NE(with(command), before);
+}
+
 TEST_F(DigestOfAProgram, IsOfTheSizeOfALargeFile) {
   const fs::path bag = write("run.bag", "");
   fs::resize_file(bag, kMostHashedBytes + 1);

@@ -4,17 +4,10 @@
 
 #include <algorithm>
 #include <atomic>
-#include <condition_variable>
-#include <map>
-#include <mutex>
-#include <string>
 #include <utility>
 
-#include "workloads/backends/nats/link/blobs.h"
-#include "workloads/backends/nats/nats_settings.h"
+#include "workloads/backends/nats/link/stream.h"
 #include "workloads/backends/nats/robot/robot_link.h"
-#include "workloads/backends/nats/wire/subjects.h"
-#include "workloads/backends/nats/wire/tensors.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/yaml.h"
 #include "workloads/model/remote.h"
@@ -24,8 +17,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// How long opening waits for a server and a worker.
-constexpr Nanos kOpening = 3s;
+constexpr Nanos kOpening = 3s;  ///< How long opening waits for a server and a worker.
 constexpr Nanos kLook = 100ms;
 
 Support support_of(const Workload& workload) {
@@ -33,65 +25,34 @@ Support support_of(const Workload& workload) {
   return {true, ""};
 }
 
-/// A kernel's call on its way; the link's threads tell what becomes of it.
-struct Flight {
-  std::mutex mutex;
-  std::condition_variable changed;
-  std::atomic<bool> unwanted = false;  ///< Nobody waits for the end of the call that is bound.
-  std::optional<TaskId> task = {};     ///< Changed by the thread that uses the kernel.
-  bool taken = false, missing = false;
-  std::optional<ReplyMessage> end = {};
-
-  void begin(std::optional<TaskId> next) {
-    const std::lock_guard lock(mutex);
-    task = next;
-    taken = missing = false;
-    end.reset();
-  }
-  /// What is said of a task that it has no more changes nothing.
-  template <typename Change>
-  void tell(const TaskId& of, Change change) {
-    const std::lock_guard lock(mutex);
-    if (task != of) return;
-    change(*this);
-    changed.notify_all();
-  }
-};
-
-/// As they travel. Kernels with the same content share the bytes.
-struct Parameters {
-  std::shared_ptr<const Bytes> bytes = {};
-  Digest digest = {};
-};
-
 class CloudKernel : public Kernel {
  public:
-  CloudKernel(RobotLink& link, const Workload& workload, Parameters parameters, Nanos patience)
+  CloudKernel(RobotLink& link, const Workload& workload, std::span<const Tensor> parameters,
+              Nanos patience)
       : link_(link),
         workload_(workload),
         patience_(patience),
-        parameters_(std::move(parameters)),
         most_bytes_(encoded_bytes(workload.outputs)) {
-    Kind kind = kind_of(workload);
-    call_.task.workload = std::move(kind.name);
-    call_.task.sizes = std::move(kind.sizes);
+    call_.task.kind = kind_of(workload);
     call_.task.spec = spec_digest(workload);
-    call_.known_by = kind.known_by;
+    if (parameters.empty()) return;
+    for (const Tensor& each : parameters) parameters_.push_back(each.share());
+    const Bytes bytes = encode_tensors(parameters_);
+    call_.task.parameters = Blob{digest_of(bytes), bytes.size(), 0};
   }
   ~CloudKernel() override { withdraw(); }
 
   /// From any thread: whoever waits for the call that is bound does so no longer.
   void give_up() {
-    const std::lock_guard lock(flight_->mutex);
-    flight_->unwanted = true;
-    flight_->changed.notify_all();
+    unwanted_ = true;
+    link_.notify();
   }
 
   /// Of the call that is bound.
-  void expires_in(Nanos time_left) { expires_at_ = clock_.now() + time_left; }
+  void expires_in(Nanos time_left) { expires_at_ = later_by(clock_.now(), time_left); }
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
-    flight_->unwanted = false;
+    unwanted_ = false;
     expires_at_.reset();
     inputs_ = inputs;
     outputs_ = outputs;
@@ -108,19 +69,19 @@ class CloudKernel : public Kernel {
     withdraw();
     sent_ = encode_tensors(inputs_);
     submit();
-    wait([](const Flight& flight) { return flight.taken; });
+    wait(false);
   }
 
   /// Until the reply comes; what the worker did not compute is the queue.
   std::optional<Nanos> execute(int repeats) override {
     Nanos queue{0};
     for (int i = 0; i < repeats; ++i) {
-      if (!flight_->task) submit();
+      if (!call_.progress) submit();
       const Nanos begin = clock_.now();
-      wait([](const Flight&) { return false; });
-      last_ = *std::move(flight_->end);
+      wait(true);
+      last_ = *std::move(call_.progress->end);
       queue += std::max(Nanos::zero(), clock_.now() - begin - last_.execute);
-      flight_->begin({});
+      call_.progress.reset();
       if (i + 1 < repeats) remove_blobs();
     }
     return queue;
@@ -135,8 +96,7 @@ class CloudKernel : public Kernel {
     if (const auto blob = last_.outputs.blob) {
       if (blob->size_bytes > most_bytes_) refuse(fmt::format("{} bytes", blob->size_bytes));
       auto answer = fetch_blob(
-          link_.connection(), outputs_at(), *blob, [this] { return flight_->unwanted.load(); },
-          patience_);
+          link_.connection(), outputs_at(), *blob, [this] { return unwanted_.load(); }, patience_);
       if (!answer.came && !link_.is_up()) {
         throw_environment("the outputs of " + workload_.name +
                           " were not read: " + link_.why_down());
@@ -145,52 +105,52 @@ class CloudKernel : public Kernel {
       remove_blobs();
       last_.outputs.bytes = std::move(answer.data);
     }
-    const std::string problem = decode_tensors_into(last_.outputs.bytes, outputs_);
-    if (!problem.empty()) refuse(problem);
+    try {
+      decode_tensors_into(last_.outputs.bytes, outputs_);
+    } catch (const Error& error) {
+      refuse(error.what());
+    }
   }
 
  private:
   [[nodiscard]] std::string blob_at(std::string_view what, const std::string& name) const {
     return blob_subject(link_.robot(), what, name);
   }
-  [[nodiscard]] std::string inputs_at() const { return blob_at("in", task_.hex()); }
+  [[nodiscard]] std::string inputs_at() const { return blob_at("in", call_.task.task.hex()); }
   [[nodiscard]] std::string outputs_at() const {
-    return blob_at("out", fmt::format("{}-{}", task_.hex(), last_.send));
+    return blob_at("out", fmt::format("{}-{}", call_.task.task.hex(), last_.send));
   }
   /// Nothing that is still to be sent helps.
   [[nodiscard]] bool is_over() {
-    const std::lock_guard lock(flight_->mutex);
-    return flight_->unwanted || flight_->end;
+    return link_.wait(Nanos::zero(),
+                      [this] { return unwanted_ || (call_.progress && call_.progress->end); });
   }
 
   /// What is larger than a message first: who finds the task finds all of it.
   void submit() {
-    task_ = link_.next_task();
+    call_.task.task = link_.next_task();
     missed_ = 0;
     const auto most_inline = link_.connection().chunk_bytes();
     const auto chunk = link_.connection().blob_chunk_bytes();
-    const std::uint64_t weights = parameters_.bytes == nullptr ? 0 : parameters_.bytes->size();
+    auto& parameters = call_.task.parameters;
+    const std::uint64_t weights = parameters ? parameters->size_bytes : 0;
     const bool is_large = sent_.size() > most_inline;
     // What a worker answers lies on the stream when what was asked does no more.
     const std::uint64_t moved = std::max<std::uint64_t>(
         is_large ? sent_.size() : 0, most_bytes_ > most_inline ? most_bytes_ : 0);
     const std::string problem = link_.why_too_large(workload_.name, weights + moved);
     if (!problem.empty()) throw_environment(problem);
-    if (weights > 0) call_.task.parameters = Blob{parameters_.digest, weights, chunk};
+    if (parameters) parameters->chunk_bytes = chunk;
     if (is_large) {
       call_.task.inputs = {{}, Blob{digest_of(sent_), sent_.size(), chunk}};
       put_inputs();
     } else {
       call_.task.inputs = {sent_, {}};
     }
-    flight_->begin(task_);
     call_.task.time_left.reset();
     if (expires_at_) call_.task.time_left = std::max(*expires_at_ - clock_.now(), Nanos::zero());
-    const auto tell = [flight = flight_, task = task_](auto change) { flight->tell(task, change); };
-    call_.taken = [tell] { tell([](Flight& of) { of.taken = true; }); };
-    call_.missing = [tell] { tell([](Flight& of) { of.missing = true; }); };
-    call_.ended = [tell](ReplyMessage end) { tell([&](Flight& of) { of.end = std::move(end); }); };
-    link_.submit(task_, call_);
+    call_.progress = std::make_shared<Progress>();
+    link_.step([&](Caller& caller, Nanos now) { caller.submit(call_, now); });
   }
 
   void put_inputs() { put(inputs_at(), *call_.task.inputs.blob, sent_); }
@@ -198,60 +158,61 @@ class CloudKernel : public Kernel {
     const Nanos begin = clock_.now();
     const std::string problem = put_blob(
         link_.connection(), at, blob, bytes, [this] { return is_over(); }, patience_);
-    if (is_over() && !flight_->unwanted) return;  // Another worker has answered meanwhile.
-    if (!problem.empty()) throw_environment(workload_.name + " was not sent: " + problem);
-    link_.measure(clock_.now() - begin, bytes.size());
+    if (is_over() && !unwanted_) return;  // Another worker has answered meanwhile.
+    if (!problem.empty()) {
+      link_.look_for_stream();
+      throw_environment(workload_.name + " was not sent: " + problem);
+    }
+    link_.step([&](Caller& caller, Nanos now) { caller.measure(now - begin, bytes.size()); });
   }
 
   /// A worker did not find something: parameters, if it is the first or they were there too long
   /// ago; else what was sent.
   void put_what_is_missing() {
-    if (parameters_.bytes != nullptr && missed_++ % 2 == 0) {
-      put(blob_at("par", parameters_.digest.hex()), *call_.task.parameters, *parameters_.bytes);
+    if (const auto& blob = call_.task.parameters; blob && missed_++ % 2 == 0) {
+      put(blob_at("par", blob->digest.hex()), *blob, encode_tensors(parameters_));
     } else if (call_.task.inputs.blob) {
       put_inputs();
     }
-    link_.ready(task_);
+    link_.step([&](Caller& caller, Nanos now) { caller.ready(call_.task.task, now); });
   }
 
   /// @throws Error{kEnvironment} once the task has ended without a result, or neither server nor
   /// worker was there for too long.
-  template <typename Until>
-  void wait(Until until) {
-    Nanos lost{0};
+  void wait(bool for_its_end) {
     const auto end = [this](const std::string& why) {
       withdraw();
-      throw_environment(workload_.name + why);
+      throw_environment(why);
     };
-    std::unique_lock lock(flight_->mutex);
-    while (!until(*flight_) && !flight_->end) {
-      const bool unwanted = flight_->unwanted, missing = std::exchange(flight_->missing, false);
-      if (!unwanted && !missing &&
-          flight_->changed.wait_for(lock, kLook) == std::cv_status::no_timeout) {
-        continue;
-      }
-      lock.unlock();
-      if (unwanted) end(" was withdrawn");
+    std::optional<Nanos> lost;
+    std::string problem;
+    while (true) {
+      bool over = false, missing = false;
+      link_.wait(kLook, [&] {
+        Progress& progress = *call_.progress;
+        if (progress.end) problem = progress.end->problem;
+        over = progress.end || (progress.taken && !for_its_end);
+        missing = !over && std::exchange(progress.missing, false);
+        return over || missing || unwanted_;
+      });
+      if (over) break;
+      if (unwanted_) end(workload_.name + " was withdrawn");
       if (missing) put_what_is_missing();
       if (link_.is_up()) {
-        lost = Nanos::zero();
-      } else if (lost == Nanos::zero()) {
+        lost.reset();
+      } else if (!lost) {
         lost = clock_.now();
-      } else if (clock_.now() - lost >= patience_) {
-        end(" was not answered: " + link_.why_down());
+      } else if (clock_.now() - *lost >= patience_) {
+        end(workload_.name + " was not answered: " + link_.why_down());
       }
-      lock.lock();
     }
-    if (!flight_->end || flight_->end->problem.empty()) return;
-    const std::string problem = flight_->end->problem;
-    lock.unlock();
-    withdraw();
-    throw_environment(problem);
+    if (!problem.empty()) end(problem);
   }
 
   void withdraw() {
-    if (flight_->task) link_.cancel(task_);
-    flight_->begin({});
+    if (std::exchange(call_.progress, nullptr)) {
+      link_.step([&](Caller& caller, Nanos) { caller.cancel(call_.task.task); });
+    }
     remove_blobs();
   }
 
@@ -264,17 +225,16 @@ class CloudKernel : public Kernel {
   const Workload& workload_;
   Nanos patience_;
   MachineClock clock_;
-  Parameters parameters_;
-  std::uint64_t most_bytes_;  ///< Of outputs.
-  Submission call_;           ///< As it is submitted.
+  std::vector<Tensor> parameters_;
+  std::uint64_t most_bytes_;         ///< Of outputs.
+  Submission call_{.progress = {}};  ///< As it is submitted; with progress while it is.
   std::span<const Tensor> inputs_;
   std::span<Tensor> outputs_;
   std::optional<Nanos> expires_at_;
   Bytes sent_;
   int missed_ = 0;
-  TaskId task_;
-  ReplyMessage last_;  ///< To the call before.
-  const std::shared_ptr<Flight> flight_ = std::make_shared<Flight>();
+  ReplyMessage last_;                   ///< To the call before.
+  std::atomic<bool> unwanted_ = false;  ///< Nobody waits for the end of the call that is bound.
 };
 
 DeviceInfo device_info(const std::string& server) {
@@ -302,16 +262,13 @@ RobotOptions read_request(const UnitRequest& request) {
   const YamlNode settings = parse_yaml("unit " + request.unit, request.script);
   settings.check_keys(nats_settings());
   ConnectionOptions& connection = options.connection;
-  const auto text = [&](const char* key, std::string& to) {
-    if (settings.has(key)) to = settings.at(key).text();
-  };
-  text("server", connection.server);
-  text("robot", options.robot);
-  text("ca", connection.ca);
-  text("certificate", connection.certificate);
-  text("key", connection.key);
-  text("nkey", connection.nkey);
-  text("nkey_seed", connection.nkey_seed);
+  for (const auto& [key, to] :
+       {std::pair("server", &connection.server), std::pair("robot", &options.robot),
+        std::pair("ca", &connection.ca), std::pair("certificate", &connection.certificate),
+        std::pair("key", &connection.key), std::pair("nkey", &connection.nkey),
+        std::pair("nkey_seed", &connection.nkey_seed)}) {
+    if (settings.has(key)) *to = settings.at(key).text();
+  }
   if (settings.has("insecure")) connection.insecure = settings.at("insecure").boolean();
   if (settings.has("hedge")) read_hedge(settings.at("hedge"), options.limits);
   return options;
@@ -331,17 +288,16 @@ class CloudDevice : public Device, public Remote {
     return info;
   }
   [[nodiscard]] bool is_reachable() const override { return link_.is_up(); }
-  [[nodiscard]] LinkEstimate link() const override { return link_.estimate(); }
-  [[nodiscard]] std::uint64_t heard() const override { return link_.counts().others; }
+  [[nodiscard]] LinkEstimate link() const override { return link_.ask(&Caller::estimate); }
+  [[nodiscard]] std::uint64_t heard() const override { return link_.ask(&Caller::counts).others; }
   [[nodiscard]] Nanos patience() const override { return patience_; }
   void expires_in(Kernel& kernel, Nanos time_left) override {
     dynamic_cast<CloudKernel&>(kernel).expires_in(time_left);
   }
   void withdraw(Kernel& kernel) override { dynamic_cast<CloudKernel&>(kernel).give_up(); }
   [[nodiscard]] Support supports(const Workload& workload) const override {
-    const Support support = support_of(workload);
-    if (!support.ok) return support;
-    const std::string why = link_.why_not(workload);
+    if (workload.state) return support_of(workload);
+    const std::string why = link_.ask(&Caller::why_not, kind_of(workload));
     return {why.empty(), why};
   }
 
@@ -349,23 +305,11 @@ class CloudDevice : public Device, public Remote {
   [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload& workload,
                                                     std::span<const Tensor> parameters) override {
     if (!link_.wait_until_up(std::min(kOpening, patience_))) throw_environment(link_.why_down());
-    return std::make_unique<CloudKernel>(link_, workload, shared(parameters), patience_);
-  }
-  Parameters shared(std::span<const Tensor> tensors) {
-    if (tensors.empty()) return {};
-    auto bytes = std::make_shared<const Bytes>(encode_tensors(tensors));
-    const Digest digest = digest_of(*bytes);
-    const std::lock_guard lock(mutex_);
-    std::erase_if(parameters_, [](const auto& each) { return each.second.expired(); });
-    auto& known = parameters_[digest];
-    if (known.expired()) known = bytes;
-    return {known.lock(), digest};
+    return std::make_unique<CloudKernel>(link_, workload, parameters, patience_);
   }
 
   std::string server_;
   Nanos patience_;
-  std::mutex mutex_;
-  std::map<Digest, std::weak_ptr<const Bytes>> parameters_;  ///< That kernels have.
   RobotLink link_;
 };
 
@@ -393,10 +337,6 @@ class NatsBackend : public Backend {
 }  // namespace
 }  // namespace pirt::cloud
 
-namespace pirt {
-
-std::unique_ptr<const Backend> make_nats_backend() {
+std::unique_ptr<const pirt::Backend> pirt::make_nats_backend() {
   return std::make_unique<cloud::NatsBackend>();
 }
-
-}  // namespace pirt

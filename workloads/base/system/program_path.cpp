@@ -2,11 +2,13 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <set>
 #include <sstream>
 #include <string_view>
 #include <system_error>
+#include <utility>
 
 namespace pirt {
 
@@ -36,9 +38,11 @@ std::optional<fs::path> try_find_program(const std::string& word) {
 std::vector<CommandFile> files_named_by(std::span<const std::string> words,
                                         const fs::path& folder) {
   std::vector<CommandFile> files;
-  std::set<std::string> known;
-  const auto add = [&](const std::string& name) {
-    if (name.empty() || !known.insert(name).second) return;
+  std::set<std::string> known, written;
+  std::vector<fs::path> folders = {""};  // The command's own, and those that it changes to.
+  const auto add_within = [&](const fs::path& within, const std::string& word) {
+    const std::string name = (within / word).string();
+    if (!known.insert(name).second) return;
     const fs::path beside = folder / name;
     const bool has_path = name.find('/') != std::string::npos;
     const auto program = try_find_program(has_path ? beside.string() : name);
@@ -49,6 +53,21 @@ std::vector<CommandFile> files_named_by(std::span<const std::string> words,
     if (!fs::is_regular_file(beside, ignored) || ::access(beside.c_str(), R_OK) != 0) return;
     files.push_back({name, beside, false});
   };
+  const auto add = [&](const std::string& word) {
+    if (word.empty() || written.contains(word)) return;
+    for (const fs::path& within : folders) add_within(within, word);
+  };
+  // From any of the others: a subshell's change ends with it.
+  const auto change_to = [&](const std::string& word) {
+    for (std::size_t i = 0, count = folders.size(); i < count; ++i) {
+      fs::path next = (folders[i] / word).lexically_normal();
+      std::error_code ignored;
+      if (!fs::is_directory(folder / next, ignored)) continue;
+      const bool is_new = std::find(folders.begin(), folders.end(), next) == folders.end();
+      if (is_new) folders.push_back(std::move(next));
+    }
+  };
+  std::string before;
   for (const std::string& word : words) {
     add(word);
     add(word.substr(word.find('=') + 1));
@@ -62,9 +81,13 @@ std::vector<CommandFile> files_named_by(std::span<const std::string> words,
     for (std::string part; stream >> part;) parts.push_back(part);
     // What it writes is no part of what it is.
     for (std::size_t i = 1; i < parts.size(); ++i) {
-      if (parts[i - 1] == ">") known.insert(parts[i]);
+      if (parts[i - 1] == ">") written.insert(parts[i]);
     }
-    for (const std::string& part : parts) add(part);
+    for (const std::string& part : parts) {
+      if (before == "cd" || before == "-C" || before == "--chdir") change_to(part);
+      add(part);
+      before = part;
+    }
   }
   return files;
 }

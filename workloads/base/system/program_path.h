@@ -19,13 +19,13 @@ inline constexpr std::uintmax_t kMostHashedBytes = std::uintmax_t{256} << 20;
 
 /// A file that a command names.
 struct CommandFile {
-  std::string name;  ///< In the command's words.
+  std::string name;  ///< In the command's words, behind the folder that it changes to.
   std::filesystem::path file;
   bool is_program = false;  ///< It may be run.
 };
 /// The files that @p words name and that may be read, in their order: by themselves ("x.yaml"),
-/// behind a '=' or within a script (sh -c '...') that does not write them (">x.log"); programs
-/// also by PATH.
+/// behind a '=' or within a script (sh -c '...') that does not write them (">x.log"), also in the
+/// folders that it changes to (cd DIR, env -C DIR); programs also by PATH.
 /// @param folder  That the command runs in; empty = this process'.
 [[nodiscard]] std::vector<CommandFile> files_named_by(std::span<const std::string> words,
                                                       const std::filesystem::path& folder = {});

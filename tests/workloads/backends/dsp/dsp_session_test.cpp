@@ -46,6 +46,30 @@ bool has_ended(pid_t process) {
   return !(file >> number >> name >> state) || state == "Z" || state == "X";
 }
 
+/// What is heard of an emulator that is @p script.
+std::string version_of(const std::string& script) {
+  const fs::path emulator = fs::path(testing::TempDir()) / "qemu-hexagon";
+  std::ofstream(emulator) << "#!/bin/sh\n" << script << "\n";
+  fs::permissions(emulator, fs::perms::owner_all);
+  return emulator_version({.emulator = emulator, .plugin = "none", .program = {}, .missing = ""});
+}
+
+TEST(DspEmulator, SaysItsVersionWhateverTheLoaderSaysBefore) {
+  for (const std::string& noise :
+       {std::string("x: libnuma.so.1: no version information available"), std::string(1000, '-')}) {
+    EXPECT_EQ(version_of("echo '" + noise + "' >&2; echo 'qemu-hexagon version 7.2.22 (Debian)'"),
+              "qemu-hexagon 7.2.22");
+  }
+}
+
+TEST(DspEmulator, TakesNoPluginAlsoWhereNobodyHearsOfChildren) {
+  const auto before = ::signal(SIGCHLD, SIG_IGN);
+  const std::string error =
+      environment_error([] { version_of("echo \"qemu: unknown option 'plugin'\" >&2; exit 1"); });
+  ::signal(SIGCHLD, before);
+  EXPECT_THAT(error, HasSubstr("takes no plugin"));
+}
+
 class DspSession : public testing::Test {
  protected:
   void SetUp() override {
@@ -96,6 +120,19 @@ TEST_F(DspSession, SaysWhatAnEmulatorSaidThatDoesNotStart) {
   options = options_;
   options.emulator = "/bin/true";
   EXPECT_THAT(start_error(options), HasSubstr("ended with code 0"));
+}
+
+TEST_F(DspSession, FindsItsPluginWhateverTheFolderIsCalled) {
+  const fs::path folder = fs::path(testing::TempDir()) / "run=7,x";
+  fs::create_directories(folder);
+  Tools tools = find_tools();
+  options_.plugin = folder / "count.so";
+  fs::remove(options_.plugin);
+  fs::create_symlink(tools.plugin, options_.plugin);
+  tools.plugin = options_.plugin;
+  EXPECT_THAT(emulator_version(tools), HasSubstr("qemu-hexagon "));
+  const ProgramSession session(options_);
+  EXPECT_GT(session.process(), 0);
 }
 
 TEST_F(DspSession, SaysThatFewerFilesMayBeOpenThanItGivesNumbersTo) {

@@ -152,6 +152,24 @@ TEST_F(CloudUnitOnAServer, GivesACallBackThatNobodyAnswersForTooLong) {
   EXPECT_THAT(why, HasSubstr("small was not answered: no connection to server"));
 }
 
+TEST_F(CloudUnitOnAServer, NamesAStreamThatIsGoneAndGoesOnWithAnother) {
+  start_server();
+  start_worker();
+  const auto device = open_within_reach();
+  const auto* const remote = dynamic_cast<const Remote*>(device.get());
+  const auto kernel = device->prepare(large_, {});
+  Connection admin({.server = server_.url()}, {});
+  ASSERT_TRUE(admin.wait_until_up(30s));
+  ASSERT_TRUE(admin.request("$JS.API.STREAM.DELETE.PIRT_robot", "").came);
+  EXPECT_THAT(call_and_check(*kernel, large_, {.value = 3}),
+              HasSubstr("run `pirt cloud-admin setup --robots robot`"));
+  EXPECT_TRUE(eventually([&] { return !remote->is_reachable(); }));
+  EXPECT_THAT(device->info().remark, HasSubstr("no stream for robot 'robot'"));
+  set_up(admin, {});
+  EXPECT_TRUE(eventually([&] { return remote->is_reachable(); })) << device->info().remark;
+  EXPECT_EQ(call_and_check(*kernel, large_, {.value = 3}), "");
+}
+
 TEST_F(CloudUnitOnAServer, SupportsWhatItsWorkersKnow) {
   start_server();
   start_worker();

@@ -1,6 +1,8 @@
 // Tasks under seeded faults over loopback: what was submitted ends exactly once.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <random>
 #include <thread>
 
@@ -16,8 +18,7 @@ constexpr Nanos kLong = 30s;
 
 struct Expected {
   AddingTask task;
-  int ends = 0;
-  ReplyMessage end;
+  Submitted submitted;
 };
 
 class Faults {
@@ -40,10 +41,9 @@ class Faults {
       fault();
     }
     over = true;
-    wait_for_all(robot);
+    check(robot);
     large.join();
-    EXPECT_EQ(robot.counts().submitted, static_cast<std::int64_t>(expected_.size()));
-    check();
+    EXPECT_EQ(robot.ask(&Caller::counts).submitted, static_cast<std::int64_t>(expected_.size()));
     for (pid_t& each : workers_) end_process(each);
   }
 
@@ -51,18 +51,10 @@ class Faults {
   Nanos pause(unsigned most_ms) { return std::chrono::milliseconds(random_() % most_ms); }
 
   void submit(RobotLink& robot) {
-    auto expected = std::make_shared<Expected>();
-    expected->task = {.ask = random_() % 8 == 0 ? Ask::kThrow : Ask::kPlain,
-                      .tens_of_ms = static_cast<std::uint8_t>(random_() % 15),
-                      .value = static_cast<std::uint8_t>(random_())};
-    Submission submission = make_submission(small_, expected->task);
-    submission.ended = [this, expected](ReplyMessage end) {
-      const std::lock_guard lock(mutex_);
-      ++expected->ends;
-      expected->end = std::move(end);
-    };
-    robot.submit(robot.next_task(), std::move(submission));
-    expected_.push_back(std::move(expected));
+    const AddingTask task{.ask = random_() % 8 == 0 ? Ask::kThrow : Ask::kPlain,
+                          .tens_of_ms = static_cast<std::uint8_t>(random_() % 15),
+                          .value = static_cast<std::uint8_t>(random_())};
+    expected_.push_back({task, {robot, make_submission(small_, task)}});
   }
 
   /// What is larger than a message, by another robot, one after the other.
@@ -120,27 +112,18 @@ class Faults {
     wire.cut(false);
   }
 
-  void wait_for_all(RobotLink& robot) {
-    const auto all_ended = [this] {
-      const std::lock_guard lock(mutex_);
-      return std::ranges::all_of(expected_, [](const auto& each) { return each->ends > 0; });
-    };
-    for (int i = 0; i < 1200 && !all_ended(); ++i) std::this_thread::sleep_for(100ms);
-    EXPECT_TRUE(all_ended()) << robot.why_down();
-  }
-
-  void check() {
-    const std::lock_guard lock(mutex_);
-    for (const auto& each : expected_) {
-      ASSERT_EQ(each->ends, 1);
-      if (each->task.ask == Ask::kThrow) {
-        EXPECT_TRUE(each->end.problem.starts_with("given up")) << each->end.problem;
+  void check(const RobotLink& robot) {
+    for (const auto& [task, submitted] : expected_) {
+      const ReplyMessage end = submitted.end(120s);
+      ASSERT_NE(end.problem, "no end") << robot.why_down();
+      if (task.ask == Ask::kThrow) {
+        EXPECT_TRUE(end.problem.starts_with("given up")) << end.problem;
         continue;
       }
       // Three workers that die with a task are its three tries.
-      if (each->end.problem.find("a worker that was not heard") != std::string::npos) continue;
-      ASSERT_EQ(each->end.problem, "");
-      EXPECT_EQ(check_outputs(small_, each->task, each->end), "");
+      if (end.problem.find("a worker that was not heard") != std::string::npos) continue;
+      ASSERT_EQ(end.problem, "");
+      EXPECT_EQ(check_outputs(small_, task, end), "");
     }
   }
 
@@ -149,8 +132,7 @@ class Faults {
   NatsServer server_;
   std::unique_ptr<Wire> robot_wire_, worker_wire_;
   std::vector<pid_t> workers_ = {-1, -1};
-  std::mutex mutex_;  ///< Of what has ended.
-  std::vector<std::shared_ptr<Expected>> expected_;
+  std::vector<Expected> expected_;
 };
 
 /// Twenty faults a seed: ten seeds in the long tests.
@@ -163,6 +145,52 @@ TEST(CloudFaults, EndEachTaskOnceAtItsCaller) {
     SCOPED_TRACE(seed);
     Faults(seed).run(faults);
   }
+}
+
+class CloudWorker : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (nats_server_program().empty()) GTEST_SKIP() << "skipped: nats-server is not installed";
+    ASSERT_TRUE(server_.start()) << server_.log();
+    administer({.server = server_.url()}, {});
+    options_ = worker_options(server_.url());
+  }
+  [[nodiscard]] std::string call(const Workload& workload, const AddingTask& task) const {
+    const auto device = open_unit(server_.url(), "", 3);
+    std::string problem;
+    return error_of(
+               [&] { problem = call_and_check(*device->prepare(workload, {}), workload, task); }) +
+           problem;
+  }
+  NatsServer server_;
+  WorkerOptions options_;
+  const Workload small_ = adding("small", 1000), large_ = adding("large", 1'000'000);
+  const std::vector<const Workload*> known_ = {&small_, &large_};
+};
+
+TEST_F(CloudWorker, ReadsWhatIsLargeForAsLongAsItsBytesMayTake) {
+  options_.fetch = Nanos(0);
+  const WorkerLink worker(options_, known_);
+  EXPECT_EQ(call(large_, {.value = 3}), "");
+}
+
+TEST_F(CloudWorker, SaysAtTheEndWhatBecameOfAllThatItTook) {
+  std::atomic<bool> began = false;
+  options_.make_computer = [&] {
+    began = true;
+    return make_adding_computer();
+  };
+  std::string last;
+  std::jthread worker([&] {
+    serve(
+        options_, known_, [&] { return began.load(); },
+        [&](const std::string& line) { last = line; });
+  });
+  static_cast<void>(call(small_, {.tens_of_ms = 50, .value = 3}));
+  began = true;  // Whether or not it was taken.
+  worker.join();
+  EXPECT_THAT(last, ::testing::AnyOf(::testing::HasSubstr("1 taken, 1 done"),
+                                     ::testing::HasSubstr("1 returned")));
 }
 
 }  // namespace

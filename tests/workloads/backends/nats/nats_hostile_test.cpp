@@ -11,9 +11,9 @@
 
 #include "tests/workloads/backends/nats/hostile.h"
 #include "tests/workloads/backends/nats/nats_server.h"
-#include "workloads/backends/nats/link/blobs.h"
+#include "workloads/backends/nats/link/stream.h"
 #include "workloads/backends/nats/service/computer.h"
-#include "workloads/backends/nats/wire/subjects.h"
+#include "workloads/backends/nats/wire/wire.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/math/random.h"
 #include "workloads/catalog/catalog.h"
@@ -67,8 +67,7 @@ class HostileRobot {
     connection_.subscribe(subject("claim", name_), [this](const Incoming& message) {
       const auto claim = decode_as<ClaimMessage>(message.data);
       const std::lock_guard lock(mutex_);
-      if (!claim.value) return;
-      worker_ = claim.value->worker;
+      worker_ = claim.worker;
       if (waiting_.empty()) return;  // It offers, and gives nothing.
       const TaskMessage task = waiting_.front();
       waiting_.pop_front();
@@ -76,18 +75,15 @@ class HostileRobot {
     });
     connection_.subscribe(subject("answer", name_), [this](const Incoming& message) {
       auto reply = decode_as<ReplyMessage>(message.data);
-      if (!reply.value || reply.value->kind == ReplyKind::kRunning) return;
+      if (reply.kind == ReplyKind::kRunning) return;
       const std::lock_guard lock(mutex_);
-      replies_.push_back(std::move(*reply.value));
+      replies_.push_back(std::move(reply));
       changed_.notify_all();
     });
   }
 
   static TaskMessage task_of(const Workload& workload) {
-    Kind kind = kind_of(workload);
-    return {.workload = std::move(kind.name),
-            .sizes = std::move(kind.sizes),
-            .spec = spec_digest(workload)};
+    return {.kind = kind_of(workload), .spec = spec_digest(workload)};
   }
   /// What becomes of a task that a worker asked for.
   ReplyMessage ask(TaskMessage task) {
@@ -142,9 +138,9 @@ class CloudHostile : public ::testing::Test {
     ::setenv("PIRT_TEST_DEVICE_SLOT", "1", 1);
     WorkerOptions options = worker_options(server_.url());
     options.make_computer = [] {
-      return make_process_computer({.program = "/proc/self/exe",
-                                    .arguments = {"--gtest_filter=CloudProcess.IsADeviceSlot"},
-                                    .call_limit = 60s});
+      return make_process_computer(
+          {.command = {"/proc/self/exe", "--gtest_filter=CloudProcess.IsADeviceSlot"},
+           .call_limit = 60s});
     };
     worker_ = std::make_unique<WorkerLink>(options, known_);
     robot_ = std::make_unique<HostileRobot>(server_.url(), "hostile");

@@ -26,37 +26,40 @@ constexpr std::uint64_t kWorker = 7, kOther = 8;
 class CloudCaller : public ::testing::Test {
  protected:
   Caller make_caller(const CallerLimits& limits) {
-    return Caller(
-        "r", 1, limits, [this](const std::string& to, const Bytes& message) { hears(to, message); },
-        [](const auto& what) { what(); });
+    return Caller("r", 1, limits,
+                  [this](const std::string& to, const Bytes& message) { hears(to, message); });
   }
   void hears(const std::string& to, const Bytes& message) {
     const std::string last = to.substr(to.rfind('.') + 1);
-    if (const auto task = decode_as<TaskMessage>(message).value) {
-      last_ = *task;
-      says(fmt::format("give {} to {}, send {}", task->task.number, last, task->send));
-    } else if (const auto offer = decode_as<OfferMessage>(message).value) {
-      says(last == "r" ? fmt::format("offer {}", offer->waiting) : "nothing for " + last);
+    if (is_frame_of<TaskMessage>(message)) {
+      last_ = decode_as<TaskMessage>(message);
+      says(fmt::format("give {} to {}, send {}", last_.task.number, last, last_.send));
+    } else if (is_frame_of<OfferMessage>(message)) {
+      const auto offer = decode_as<OfferMessage>(message);
+      says(last == "r" ? fmt::format("offer {}", offer.waiting) : "nothing for " + last);
     } else {
       says("withdraw");
     }
   }
   void says(std::string what) { said_.push_back(std::move(what)); }
-  /// Since it was asked last.
-  std::vector<std::string> said() { return std::exchange(said_, {}); }
+  /// Since it was asked last, and then what became of the task.
+  std::vector<std::string> said() {
+    if (std::exchange(progress_->missing, false)) says("missing");
+    if (progress_->end) {
+      problem_ = progress_->end->problem;
+      progress_->end.reset();
+      says(problem_.empty() ? "done" : problem_.substr(0, problem_.find(" after ")));
+    }
+    return std::exchange(said_, {});
+  }
   void connect(Nanos now = Nanos(0)) {
     caller_.link_up(now);
     caller_.heard({.instance = kWorker}, now);
     said();
   }
   Submission submission(std::optional<Nanos> time_left = {}) {
-    Submission made{.task = {.task = kTask, .time_left = time_left}};
-    made.missing = [this] { says("missing"); };
-    made.ended = [this](const ReplyMessage& end) {
-      problem_ = end.problem;
-      says(problem_.empty() ? "done" : problem_.substr(0, problem_.find(" after ")));
-    };
-    return made;
+    progress_ = std::make_shared<Progress>();
+    return {.task = {.task = kTask, .time_left = time_left}, .progress = progress_};
   }
   void submit(Nanos now = Nanos(0), std::optional<Nanos> time_left = {}) {
     caller_.submit(submission(time_left), now);
@@ -65,7 +68,7 @@ class CloudCaller : public ::testing::Test {
   void submit_and_give() {
     connect();
     submit();
-    caller_.claimed(kWorker, Nanos(0));
+    caller_.claimed({1, kWorker}, Nanos(0));
   }
   void reply(ReplyKind kind, std::uint32_t send, Nanos now) {
     caller_.replied({.task = kTask, .send = send, .kind = kind, .worker = "w", .problem = "boom"},
@@ -76,13 +79,14 @@ class CloudCaller : public ::testing::Test {
     while (last_.send == send_ && now < seconds(3600)) {
       now = std::max(now, caller_.next_wake());
       caller_.wake(now);
-      if (!said_.empty() && said_.back().starts_with("offer")) caller_.claimed(worker, now);
+      if (!said_.empty() && said_.back().starts_with("offer")) caller_.claimed({1, worker}, now);
     }
     send_ = last_.send;
     return now;
   }
 
   std::vector<std::string> said_;
+  std::shared_ptr<Progress> progress_ = std::make_shared<Progress>();
   std::string problem_;
   TaskMessage last_;
   std::uint32_t send_ = 0;
@@ -94,15 +98,14 @@ TEST_F(CloudCaller, GivesATaskToWhoClaimsIt) {
   connect();
   submit();
   EXPECT_THAT(said(), ElementsAre("offer 1"));
-  caller_.claimed(kWorker, milliseconds(1));
+  caller_.claimed({1, kWorker}, milliseconds(1));
   EXPECT_THAT(said(), ElementsAre("give 1 to 7, send 1"));
-  caller_.claimed(kOther, milliseconds(2));
+  caller_.claimed({1, kOther}, milliseconds(2));
   EXPECT_THAT(said(), ElementsAre("nothing for 8"));
   reply(ReplyKind::kRunning, 1, milliseconds(3));
   reply(ReplyKind::kDone, 1, seconds(1));
   EXPECT_THAT(said(), ElementsAre("done"));
   EXPECT_EQ(caller_.next_wake(), Nanos::max());
-  EXPECT_EQ(caller_.live(), 0U);
 }
 
 TEST_F(CloudCaller, TellsAnEndOnceHoweverOftenTheReplyComes) {
@@ -111,7 +114,7 @@ TEST_F(CloudCaller, TellsAnEndOnceHoweverOftenTheReplyComes) {
   said();
   reply(ReplyKind::kDone, 1, seconds(2));
   EXPECT_THAT(said(), IsEmpty());
-  EXPECT_EQ(caller_.counts().late, 1);
+  EXPECT_EQ(caller_.estimate().late_replies, 1);
 }
 
 TEST_F(CloudCaller, OffersAgainWhileATaskWaits) {
@@ -158,15 +161,16 @@ TEST_F(CloudCaller, WaitingForParametersOrRoomIsNoTryButEnds) {
   EXPECT_EQ(caller_.next_wake(), Nanos::max()) << "until they are there";
   caller_.ready(kTask, seconds(1));
   EXPECT_THAT(said(), ElementsAre("offer 1"));
-  caller_.claimed(kWorker, seconds(1));
+  caller_.claimed({1, kWorker}, seconds(1));
   send_ = 2;
   Nanos now = seconds(1);
   for (std::uint32_t send = 2; send < limits_.most_sends; ++send) {
     reply(ReplyKind::kLater, send, now);
     now = claim_again(kWorker, now);
   }
-  EXPECT_EQ(caller_.live(), 1U) << "no try";
+  EXPECT_FALSE(progress_->end) << "no try";
   reply(ReplyKind::kLater, limits_.most_sends, now);
+  EXPECT_EQ(said().back(), "given up");
   EXPECT_EQ(problem_, "given up after it was sent 20 times; the last time worker w: boom");
 }
 
@@ -185,7 +189,7 @@ TEST_F(CloudCaller, AWorkerThatDiesWithATaskIsATryAndALostReplyIsNone) {
 
   submit(now);
   last_ = {}, send_ = 0;
-  caller_.claimed(kWorker, now);
+  caller_.claimed({1, kWorker}, now);
   for (int i = 0; i < 5; ++i) {
     reply(ReplyKind::kRunning, last_.send, now);
     send_ = last_.send;
@@ -194,7 +198,7 @@ TEST_F(CloudCaller, AWorkerThatDiesWithATaskIsATryAndALostReplyIsNone) {
     caller_.wake(now);
     now = claim_again(kWorker, now);
   }
-  EXPECT_EQ(caller_.live(), 1U);
+  EXPECT_FALSE(progress_->end);
 }
 
 TEST_F(CloudCaller, AWorkerThatSaysThatItComputesHasAsLongAsItTakes) {
@@ -234,13 +238,34 @@ TEST_F(CloudCaller, AsksAgainSoonWhereAnAnswerWasLostWithTheLink) {
   claim_again(kOther, seconds(9));
   EXPECT_EQ(said().back(), "give 1 to 8, send 2");
   for (int i = 0; i < 2; ++i) reply(ReplyKind::kFailedTry, 2, seconds(20));
-  EXPECT_EQ(caller_.live(), 1U) << "that was no try";
+  EXPECT_FALSE(progress_->end) << "that was no try";
+}
+
+// Ctrl-Z, docker pause: what its worker says meanwhile is not yet read.
+TEST_F(CloudCaller, NoWorkerFallsSilentWhileTheRobotIsStopped) {
+  submit_and_give();
+  reply(ReplyKind::kRunning, 1, Nanos(0));
+  said();
+  caller_.wake(seconds(60));
+  EXPECT_THAT(said(), IsEmpty());
+  EXPECT_EQ(caller_.next_wake(), seconds(60) + limits_.silence);
+  // Also where the wait was nearly over when it was stopped.
+  caller_.wake(seconds(60) + limits_.silence + milliseconds(600));
+  EXPECT_THAT(said(), IsEmpty());
+  EXPECT_EQ(caller_.next_wake(), seconds(60) + 2 * limits_.silence + milliseconds(600));
+}
+
+TEST_F(CloudCaller, SaysATimeOfATaskWhateverItIs) {
+  connect();
+  submit(Nanos(0), Nanos::max());
+  caller_.claimed({1, kWorker}, milliseconds(100));
+  EXPECT_EQ(last_.time_left, kLongest);
 }
 
 TEST_F(CloudCaller, SaysWhatRemainsOfATasksTime) {
   connect();
   submit(Nanos(0), milliseconds(300));
-  caller_.claimed(kWorker, milliseconds(100));
+  caller_.claimed({1, kWorker}, milliseconds(100));
   EXPECT_EQ(last_.time_left, milliseconds(200));
   reply(ReplyKind::kExpired, 1, milliseconds(300));
   EXPECT_EQ(said().back(), "its time was over before a worker began");
@@ -253,7 +278,7 @@ TEST_F(CloudCaller, WithdrawsWhatIsCancelled) {
   EXPECT_THAT(said(), ElementsAre("withdraw", "cancelled"));
   reply(ReplyKind::kDone, 1, seconds(1));
   EXPECT_THAT(said(), IsEmpty());
-  EXPECT_EQ(caller_.counts().late, 1);
+  EXPECT_EQ(caller_.estimate().late_replies, 1);
 }
 
 TEST_F(CloudCaller, IsDownWithoutALinkAndWithoutAWorker) {
@@ -279,14 +304,14 @@ TEST_F(CloudHedges, AskASecondWorkerAndCancelTheLoser) {
   hedging_.heard({.instance = kWorker}, Nanos(0));
   hedging_.heard({.instance = kOther}, Nanos(0));
   hedging_.submit(submission(), Nanos(0));
-  hedging_.claimed(kWorker, Nanos(0));
+  hedging_.claimed({1, kWorker}, Nanos(0));
   said();
   EXPECT_EQ(hedging_.next_wake(), milliseconds(20));
   hedging_.wake(milliseconds(20));
   EXPECT_THAT(said(), ElementsAre("offer 1"));
-  hedging_.claimed(kWorker, milliseconds(21));
+  hedging_.claimed({1, kWorker}, milliseconds(21));
   EXPECT_THAT(said(), ElementsAre("nothing for 7")) << "it has it already";
-  hedging_.claimed(kOther, milliseconds(22));
+  hedging_.claimed({1, kOther}, milliseconds(22));
   EXPECT_THAT(said(), ElementsAre("give 1 to 8, send 2"));
   hedging_.replied({.task = kTask, .send = 2, .worker = "x"}, milliseconds(30));
   EXPECT_THAT(said(), ElementsAre("withdraw", "done"));
@@ -297,15 +322,33 @@ TEST_F(CloudHedges, ARefusalIsNoEndWhileAnotherComputes) {
   hedging_.link_up(Nanos(0));
   hedging_.heard({.instance = kWorker}, Nanos(0));
   hedging_.submit(submission(), Nanos(0));
-  hedging_.claimed(kWorker, Nanos(0));
+  hedging_.claimed({1, kWorker}, Nanos(0));
   hedging_.wake(milliseconds(20));
-  hedging_.claimed(kOther, milliseconds(21));
+  hedging_.claimed({1, kOther}, milliseconds(21));
   said();
   hedging_.replied({.task = kTask, .send = 2, .kind = ReplyKind::kRefused, .worker = "x"},
                    milliseconds(22));
   EXPECT_THAT(said(), IsEmpty());
   hedging_.replied({.task = kTask, .send = 1, .worker = "w"}, milliseconds(30));
   EXPECT_THAT(said(), ElementsAre("done"));
+}
+
+// What a worker misses may take longer to send than the second one is waited for.
+TEST_F(CloudHedges, AskNobodyWhileWhatIsMissingIsSent) {
+  hedging_.link_up(Nanos(0));
+  hedging_.heard({.instance = kWorker}, Nanos(0));
+  hedging_.submit(submission(), Nanos(0));
+  hedging_.claimed({1, kWorker}, Nanos(0));
+  hedging_.replied({.task = kTask, .send = 1, .kind = ReplyKind::kMissing, .worker = "w"},
+                   milliseconds(5));
+  EXPECT_EQ(said().back(), "missing");
+  hedging_.wake(milliseconds(20));
+  EXPECT_THAT(said(), IsEmpty());
+  hedging_.ready(kTask, seconds(1));
+  hedging_.claimed({1, kWorker}, seconds(1));
+  EXPECT_THAT(said(), ElementsAre("offer 1", "give 1 to 7, send 2"));
+  hedging_.ready(kTask, seconds(2));
+  EXPECT_THAT(said(), IsEmpty()) << "a worker has it";
 }
 
 // Calls that were hedged are as long as they were: without them the 95th of 100 falls and falls.
@@ -318,12 +361,12 @@ TEST_F(CloudHedges, AfterTheP95StayFew) {
   for (std::uint64_t i = 1; i <= 3000; ++i) {
     const TaskId task{1, i};
     caller.submit({.task = {.task = task}}, now);
-    caller.claimed(kWorker, now);
+    caller.claimed({1, kWorker}, now);
     Nanos done = now + takes();
     std::uint32_t send = 1;
     if (const Nanos wake = caller.next_wake(); wake < done) {
       caller.wake(wake);
-      caller.claimed(kOther, wake);
+      caller.claimed({1, kOther}, wake);
       const Nanos second = wake + takes();
       if (second < done) done = second, send = 2;
     }
@@ -448,8 +491,10 @@ TEST_F(CloudDesk, ALateTaskIsTakenOnceWhereASlotIsFree) {
   EXPECT_EQ(claims(Nanos(0)), "a");
   desk_.offered("b", 1, 9, seconds(2));
   EXPECT_EQ(claims(seconds(2)), "b");
+  EXPECT_FALSE(desk_.expects("a")) << "nor read";
   EXPECT_FALSE(desk_.take("a", 1, 0, seconds(3))) << "the slot is asked for";
   EXPECT_TRUE(desk_.take("b", 1, 0, seconds(3)));
+  EXPECT_FALSE(desk_.expects("a")) << "it is b's";
   desk_.finished("b", seconds(1), false, seconds(4));
   EXPECT_TRUE(desk_.expects("a"));
   EXPECT_TRUE(desk_.take("a", 1, 0, seconds(4)));

@@ -173,6 +173,23 @@ void RawClient::flush() const {
   }
 }
 
+MuteServer::MuteServer() : listener_(listen_anywhere(port_)) {}
+
+MuteServer::~MuteServer() {
+  if (client_ >= 0) ::close(client_);
+  ::close(listener_);
+}
+
+void MuteServer::greet() {
+  client_ = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+  constexpr std::string_view kInfo =
+      R"(INFO {"server_id":"mute","version":"2.9.10","proto":1,"headers":true,"max_payload":1048576})"
+      "\r\n";
+  if (::send(client_, kInfo.data(), kInfo.size(), MSG_NOSIGNAL) < 0) {
+    throw std::runtime_error("nobody to greet");
+  }
+}
+
 Wire::Wire(int to_port) : to_port_(to_port) {
   listener_ = listen_anywhere(port_);
   acceptor_ = std::jthread([this] { accept_all(); });
@@ -248,20 +265,20 @@ class AddingComputer : public Computer {
  public:
   ReplyMessage compute(const Call& call) override {
     const auto inputs = decode_tensors(call.task.inputs.bytes, call.workload->inputs);
-    if (!inputs.value) throw std::runtime_error(inputs.problem);
     int more = 1;
     if (call.task.parameters) {
       auto& known = parameters_[{call.task.spec, call.task.parameters->digest}];
       if (known.empty()) known.assign(call.parameters.begin(), call.parameters.end());
       if (known.empty()) return {.kind = ReplyKind::kMissing};
       const auto tensors = decode_tensors(known, call.workload->parameters);
-      more += tensors.value->at(0).as<std::uint8_t>()[0];
+      more += tensors.at(0).as<std::uint8_t>()[0];
     }
-    const auto in = inputs.value->at(0).as<std::uint8_t>();
+    const auto in = inputs.at(0).as<std::uint8_t>();
     const Nanos pause = in[1] * 10ms;
     if (pause > 0ms) std::this_thread::sleep_for(pause);
     if (in[0] == static_cast<std::uint8_t>(Ask::kThrow)) throw std::runtime_error("boom");
     if (in[0] == static_cast<std::uint8_t>(Ask::kDie)) ::kill(::getpid(), SIGKILL);
+    if (in[0] == static_cast<std::uint8_t>(Ask::kLoseDevice)) throw ProcessGone("it is lost");
     auto outputs = make_tensors(call.workload->outputs);
     const auto out = outputs[0].as<std::uint8_t>();
     for (std::size_t i = 0; i < in.size(); ++i) out[i] = static_cast<std::uint8_t>(in[i] + more);
@@ -287,10 +304,22 @@ std::vector<Tensor> adding_inputs(const Workload& workload, const AddingTask& ta
 
 Submission make_submission(const Workload& workload, const AddingTask& task) {
   Submission submission;
-  submission.task.workload = workload.name;
+  submission.task.kind.name = workload.name;
   submission.task.spec = spec_digest(workload);
   submission.task.inputs.bytes = encode_tensors(adding_inputs(workload, task));
   return submission;
+}
+
+Submitted::Submitted(RobotLink& robot, Submission submission)
+    : robot_(&robot), id_(robot.next_task()) {
+  submission.task.task = id_;
+  submission.progress = progress_;
+  robot.step([&](Caller& caller, Nanos now) { caller.submit(std::move(submission), now); });
+}
+
+ReplyMessage Submitted::end(Nanos most) const {
+  const bool ends = robot_->wait(most, [this] { return progress_->end.has_value(); });
+  return ends ? *progress_->end : ReplyMessage{.problem = "no end"};
 }
 
 std::string check_outputs(const Workload& workload, const AddingTask& task, const Tensor& output,
@@ -306,8 +335,12 @@ std::string check_outputs(const Workload& workload, const AddingTask& task, cons
 
 std::string check_outputs(const Workload& workload, const AddingTask& task,
                           const ReplyMessage& reply) {
-  const auto found = decode_tensors(reply.outputs.bytes, workload.outputs);
-  return found.value ? check_outputs(workload, task, found.value->at(0)) : found.problem;
+  try {
+    return check_outputs(workload, task,
+                         decode_tensors(reply.outputs.bytes, workload.outputs).at(0));
+  } catch (const Error& error) {
+    return error.what();
+  }
 }
 
 std::string call_and_check(Kernel& kernel, const Workload& workload, const AddingTask& task,
@@ -356,7 +389,6 @@ WorkerOptions worker_options(const std::string& url) {
   WorkerOptions options;
   options.connection.server = url;
   options.connection.reconnect_wait = 50ms;
-  options.progress = 300ms;
   options.hello = 300ms;
   options.make_computer = make_adding_computer;
   return options;

@@ -16,7 +16,7 @@
 #include <thread>
 #include <vector>
 
-#include "workloads/backends/nats/link/administration.h"
+#include "workloads/backends/nats/link/stream.h"
 #include "workloads/backends/nats/robot/robot_link.h"
 #include "workloads/backends/nats/service/worker_link.h"
 #include "workloads/base/error.h"
@@ -99,6 +99,21 @@ class RawClient {
   int socket_ = -1;
 };
 
+/// Says that it is a server to one that comes, and falls silent.
+class MuteServer {
+ public:
+  MuteServer();
+  ~MuteServer();
+  MuteServer(const MuteServer&) = delete;
+  MuteServer& operator=(const MuteServer&) = delete;
+
+  [[nodiscard]] std::string url() const { return "nats://127.0.0.1:" + std::to_string(port_); }
+  void greet();
+
+ private:
+  int port_ = 0, listener_ = -1, client_ = -1;
+};
+
 /// Forwards a port of its own to the server's.
 class Wire {
  public:
@@ -128,7 +143,8 @@ class Wire {
 enum class Ask : std::uint8_t {
   kPlain = 0,
   kThrow = 1,
-  kDie = 2,  ///< The process that computes it.
+  kDie = 2,         ///< The process that computes it.
+  kLoseDevice = 3,  ///< For good.
 };
 
 /// u8[size] -> u8[size]: each byte and 1, and the first byte of its parameters, if it has any.
@@ -143,6 +159,27 @@ struct AddingTask {
   std::uint8_t value = 1;
 };
 [[nodiscard]] Submission make_submission(const Workload& workload, const AddingTask& task);
+
+/// A task of a robot's, once it was submitted.
+class Submitted {
+ public:
+  Submitted(RobotLink& robot, Submission submission);
+
+  [[nodiscard]] bool is_taken(Nanos most) const {
+    return robot_->wait(most, [this] { return progress_->taken; });
+  }
+  /// With the problem "no end" where there is none in time.
+  [[nodiscard]] ReplyMessage end(Nanos most) const;
+  void cancel() const {
+    robot_->step([this](Caller& caller, Nanos) { caller.cancel(id_); });
+  }
+
+ private:
+  RobotLink* robot_;
+  TaskId id_;
+  std::shared_ptr<Progress> progress_ = std::make_shared<Progress>();
+};
+
 [[nodiscard]] std::vector<Tensor> adding_inputs(const Workload& workload, const AddingTask& task);
 /// What is wrong with its outputs; empty = nothing.
 [[nodiscard]] std::string check_outputs(const Workload& workload, const AddingTask& task,

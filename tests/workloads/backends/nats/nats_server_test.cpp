@@ -4,9 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/wait.h>
 
 #include <condition_variable>
-#include <future>
 #include <map>
 #include <numeric>
 #include <random>
@@ -14,7 +14,7 @@
 
 #include "tests/support/long.h"
 #include "workloads/backends/nats/service/computer.h"
-#include "workloads/backends/nats/wire/subjects.h"
+#include "workloads/backends/nats/wire/wire.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 
@@ -73,25 +73,13 @@ class CloudServer : public ::testing::Test {
     options.make_computer = make_computer_;
     return std::make_unique<WorkerLink>(options, known_);
   }
-  static std::future<ReplyMessage> submit(RobotLink& robot, Submission submission,
-                                          TaskId* id = nullptr) {
-    auto end = std::make_shared<std::promise<ReplyMessage>>();
-    auto future = end->get_future();
-    submission.ended = [end](ReplyMessage told) { end->set_value(std::move(told)); };
-    const TaskId task = robot.next_task();
-    robot.submit(task, std::move(submission));
-    if (id != nullptr) *id = task;
-    return future;
+  Submitted submit(RobotLink& robot, const AddingTask& task) {
+    return {robot, make_submission(small_, task)};
   }
-  std::future<ReplyMessage> submit(RobotLink& robot, const AddingTask& task, TaskId* id = nullptr) {
-    return submit(robot, make_submission(small_, task), id);
-  }
-  static ReplyMessage end_of(auto&& future) {
-    if (future.wait_for(kLong) != std::future_status::ready) {
-      ADD_FAILURE() << "no end";
-      return {.problem = "no end"};
-    }
-    return future.get();
+  static ReplyMessage end_of(const Submitted& task) {
+    ReplyMessage end = task.end(kLong);
+    EXPECT_NE(end.problem, "no end");
+    return end;
   }
   /// Messages on the robot's stream.
   std::int64_t messages() {
@@ -127,7 +115,7 @@ TEST_F(CloudServer, ComputesACall) {
 TEST_F(CloudServer, HasAsManyTasksAsSlotsAndLeavesTheRestWithTheRobot) {
   const auto worker = start_worker(server_->url(), 2);
   ReachedRobot robot(server_->url());
-  std::vector<std::future<ReplyMessage>> ends;
+  std::vector<Submitted> ends;
   for (int i = 0; i < 20; ++i) {
     ends.push_back(submit(robot, {.tens_of_ms = 5, .value = static_cast<std::uint8_t>(i)}));
   }
@@ -140,7 +128,7 @@ TEST_F(CloudServer, HasAsManyTasksAsSlotsAndLeavesTheRestWithTheRobot) {
               "");
   }
   EXPECT_EQ(worker->counts().ended(ReplyKind::kDone), 20);
-  EXPECT_EQ(robot.counts().done, 20);
+  EXPECT_EQ(robot.ask(&Caller::counts).done, 20);
 }
 
 TEST_F(CloudServer, SendsWhatIsLargerThanAMessageInChunksAndRemovesThem) {
@@ -172,15 +160,12 @@ TEST_F(CloudServer, GivesATaskOfAKilledWorkerToAnother) {
   pid_t first = start_worker_process(server_->url(), 1);
   ReachedRobot robot(server_->url());
   const AddingTask task{.tens_of_ms = 200, .value = 4};
-  Submission submission = make_submission(small_, task);
-  std::promise<void> taken;
-  submission.taken = [&] { taken.set_value(); };
-  auto future = submit(robot, std::move(submission));
-  ASSERT_EQ(taken.get_future().wait_for(kLong), std::future_status::ready);
+  const Submitted submitted = submit(robot, task);
+  ASSERT_TRUE(submitted.is_taken(kLong));
   end_process(first);
-  EXPECT_EQ(future.wait_for(0s), std::future_status::timeout) << "it was killed half-way";
+  EXPECT_EQ(submitted.end(0s).problem, "no end") << "it was killed half-way";
   const auto second = start_worker(server_->url());
-  const ReplyMessage end = end_of(future);
+  const ReplyMessage end = end_of(submitted);
   EXPECT_EQ(end.problem, "");
   EXPECT_EQ(end.worker, "w1");
   EXPECT_EQ(check_outputs(small_, task, end), "");
@@ -189,7 +174,7 @@ TEST_F(CloudServer, GivesATaskOfAKilledWorkerToAnother) {
 TEST_F(CloudServer, GoesOnWhenTheServerWasKilledAndStartsAgain) {
   const auto worker = start_worker(server_->url());
   ReachedRobot robot(server_->url());
-  std::vector<std::future<ReplyMessage>> ends;
+  std::vector<Submitted> ends;
   const auto submit_some = [&] {
     for (int i = 0; i < 5; ++i) ends.push_back(submit(robot, {.tens_of_ms = 10, .value = 8}));
   };
@@ -200,12 +185,12 @@ TEST_F(CloudServer, GoesOnWhenTheServerWasKilledAndStartsAgain) {
   EXPECT_TRUE(eventually([&] { return !robot.is_up(); }));
   EXPECT_THAT(robot.why_down(), HasSubstr("no connection to server"));
   ASSERT_TRUE(server_->start()) << server_->log();
-  for (auto& future : ends) {
-    const ReplyMessage end = end_of(future);
+  for (const Submitted& each : ends) {
+    const ReplyMessage end = end_of(each);
     EXPECT_EQ(end.problem, "");
     EXPECT_EQ(check_outputs(small_, {.tens_of_ms = 10, .value = 8}, end), "");
   }
-  EXPECT_EQ(robot.counts().done, 10);
+  EXPECT_EQ(robot.ask(&Caller::counts).done, 10);
   EXPECT_TRUE(robot.wait_until_up(kLong));
 }
 
@@ -213,10 +198,10 @@ TEST_F(CloudServer, WaitsForAServerThatIsNotThereYet) {
   server_->kill();
   RobotLink robot(robot_options(server_->url()));
   const auto worker = start_worker(server_->url());
-  auto future = submit(robot, {.value = 8});
+  const Submitted submitted = submit(robot, {.value = 8});
   EXPECT_FALSE(robot.wait_until_up(300ms));
   ASSERT_TRUE(server_->start()) << server_->log();
-  EXPECT_EQ(end_of(future).problem, "");
+  EXPECT_EQ(end_of(submitted).problem, "");
 }
 
 TEST_F(CloudServer, IsDownForARobotThatItDoesNotKnow) {
@@ -229,9 +214,9 @@ TEST_F(CloudServer, IsDownForARobotThatItDoesNotKnow) {
   };
   EXPECT_TRUE(eventually(is_named)) << robot.why_down();
   EXPECT_FALSE(robot.is_up());
-  auto future = submit(robot, {.value = 1});
+  const Submitted submitted = submit(robot, {.value = 1});
   set_up_robot("stranger");
-  EXPECT_EQ(end_of(future).problem, "");
+  EXPECT_EQ(end_of(submitted).problem, "");
   EXPECT_EQ(robot.why_down(), "");
 }
 
@@ -251,11 +236,11 @@ class CloudSlots : public CloudServer {
     CloudServer::SetUp();
     ::setenv("PIRT_TEST_SLOT", "1", 1);
     make_computer_ = [this] {
-      return make_process_computer({.program = "/proc/self/exe",
-                                    .arguments = {"--gtest_filter=CloudProcess.IsASlot"},
-                                    .call_limit = call_limit_,
-                                    .call_limits = call_limits_,
-                                    .end_limit = 300ms});
+      return make_process_computer(
+          {.command = {"/proc/self/exe", "--gtest_filter=CloudProcess.IsASlot"},
+           .call_limit = call_limit_,
+           .call_limits = call_limits_,
+           .end_limit = 300ms});
     };
   }
   void TearDown() override { ::unsetenv("PIRT_TEST_SLOT"); }
@@ -275,6 +260,15 @@ TEST_F(CloudSlots, GiveUpATaskWhoseProcessDiesThreeTimesAndGoOn) {
   for (int i = 0; i < 2; ++i) {
     EXPECT_EQ(call_and_check(*weighs, weighed_, {.value = 4}, 5), "");
   }
+}
+
+TEST_F(CloudSlots, StartAgainWhereTheirDeviceIsLost) {
+  const auto worker = start_worker(server_->url());
+  const auto device = open_unit(server_->url());
+  const auto kernel = device->prepare(small_, {});
+  EXPECT_THAT(call_and_check(*kernel, small_, {.ask = Ask::kLoseDevice}),
+              HasSubstr("given up after 3 tries; the last one failed on worker w1: its process "));
+  EXPECT_EQ(call_and_check(*kernel, small_, {.value = 4}), "");
 }
 
 TEST_F(CloudSlots, KillAProcessThatIsOverItsTimeAndCountATry) {
@@ -333,21 +327,23 @@ TEST_F(CloudServer, RefusesWhatNoWorkerKnows) {
   const auto worker = start_worker(server_->url());
   ReachedRobot robot(server_->url());
   const Workload other = adding("small", 999), unknown = adding("unknown", 10);
-  EXPECT_THAT(robot.why_not(other), HasSubstr("has another small"));
-  EXPECT_THAT(robot.why_not(unknown), HasSubstr("does not know unknown"));
-  EXPECT_EQ(robot.why_not(small_), "");
-  const ReplyMessage end = end_of(submit(robot, make_submission(other, {})));
+  const auto why_not = [&](const Workload& workload) {
+    return robot.ask(&Caller::why_not, kind_of(workload));
+  };
+  EXPECT_THAT(why_not(other), HasSubstr("has another small"));
+  EXPECT_THAT(why_not(unknown), HasSubstr("does not know unknown"));
+  EXPECT_EQ(why_not(small_), "");
+  const ReplyMessage end = end_of({robot, make_submission(other, {})});
   EXPECT_THAT(end.problem, HasSubstr("refused it: small is something else here"));
 }
 
 TEST_F(CloudServer, TellsTheWorkerThatNobodyWantsATaskAnyMore) {
   const auto worker = start_worker(server_->url());
   ReachedRobot robot(server_->url());
-  TaskId id;
-  auto future = submit(robot, {.tens_of_ms = 50}, &id);
+  const Submitted submitted = submit(robot, {.tens_of_ms = 50});
   ASSERT_TRUE(eventually([&] { return worker->counts().taken == 1; }));
-  robot.cancel(id);
-  EXPECT_EQ(end_of(future).problem, "cancelled");
+  submitted.cancel();
+  EXPECT_EQ(end_of(submitted).problem, "cancelled");
   EXPECT_TRUE(eventually([&] { return worker->counts().cancelled == 1; }));
 }
 
@@ -357,7 +353,7 @@ TEST_F(CloudServer, DropsWhatIsPastItsTimeAndSaysSo) {
   auto before = submit(robot, {.tens_of_ms = 100, .value = 1});
   Submission submission = make_submission(small_, {.value = 2});
   submission.task.time_left = 200ms;  // It waits for longer.
-  const ReplyMessage end = end_of(submit(robot, std::move(submission)));
+  const ReplyMessage end = end_of({robot, std::move(submission)});
   EXPECT_EQ(end.problem, "its time was over before a worker began");
   EXPECT_EQ(end_of(before).problem, "");
   EXPECT_EQ(worker->counts().ended(ReplyKind::kExpired), 1);
@@ -365,11 +361,10 @@ TEST_F(CloudServer, DropsWhatIsPastItsTimeAndSaysSo) {
 
 TEST_F(CloudServer, WhatWasCancelledIsNeverComputed) {
   RobotLink robot(robot_options(server_->url()));
-  TaskId id;
-  auto future = submit(robot, {.value = 2}, &id);
-  auto kept = submit(robot, {.value = 3});
-  robot.cancel(id);
-  EXPECT_EQ(end_of(future).problem, "cancelled");
+  const Submitted submitted = submit(robot, {.value = 2});
+  const Submitted kept = submit(robot, {.value = 3});
+  submitted.cancel();
+  EXPECT_EQ(end_of(submitted).problem, "cancelled");
   const auto worker = start_worker(server_->url());
   EXPECT_EQ(end_of(kept).problem, "");
   EXPECT_EQ(worker->counts().taken, 1);
@@ -378,7 +373,7 @@ TEST_F(CloudServer, WhatWasCancelledIsNeverComputed) {
 TEST_F(CloudServer, TellsTwoRobotsOfOneNameApart) {
   const auto worker = start_worker(server_->url());
   RobotLink first(robot_options(server_->url())), second(robot_options(server_->url()));
-  std::vector<std::future<ReplyMessage>> ends;
+  std::vector<Submitted> ends;
   for (int i = 0; i < 10; ++i) {
     for (RobotLink* robot : {&first, &second}) {
       const auto value = static_cast<std::uint8_t>(i + (robot == &first ? 0 : 100));
@@ -459,17 +454,14 @@ TEST_F(CloudServer, AsksASecondWorkerWhereTheFirstIsSlow) {
   RobotLink robot(options);
   pid_t slow = start_worker_process(server_->url(), 1);
   ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
-  Submission submission = make_submission(small_, {.tens_of_ms = 20, .value = 2});
-  std::promise<void> taken;
-  submission.taken = [&] { taken.set_value(); };
-  auto future = submit(robot, std::move(submission));
-  ASSERT_EQ(taken.get_future().wait_for(kLong), std::future_status::ready);
+  const Submitted submitted = submit(robot, {.tens_of_ms = 20, .value = 2});
+  ASSERT_TRUE(submitted.is_taken(kLong));
   ::kill(slow, SIGSTOP);
   const auto fast = start_worker(server_->url());
-  const ReplyMessage end = end_of(future);
+  const ReplyMessage end = end_of(submitted);
   EXPECT_EQ(end.problem, "");
   EXPECT_EQ(end.worker, "w1");
-  EXPECT_EQ(robot.counts().hedged, 1);
+  EXPECT_EQ(robot.ask(&Caller::counts).hedged, 1);
   end_process(slow);
 }
 
@@ -557,6 +549,7 @@ TEST_F(CloudLimits, OfWhoIsLetInAreNamedWithTheirRemedies) {
   EXPECT_THAT(why("tls://" + at), HasSubstr("it speaks no TLS; ask for nats://"));
   EXPECT_THAT(why("tls://nowhere.invalid:4222"), HasSubstr("or name another"));
   ::kill(server.process(), SIGSTOP);
+  ::waitpid(server.process(), nullptr, WUNTRACED);  // Until all of its threads have stopped.
   EXPECT_THAT(why("nats://u:p@" + at), HasSubstr("it does not answer; is it stopped"));
   ::kill(server.process(), SIGCONT);
 }

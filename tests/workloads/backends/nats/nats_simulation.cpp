@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "workloads/backends/nats/wire/subjects.h"
+#include "workloads/backends/nats/wire/wire.h"
 
 namespace pirt::cloud::test {
 namespace {
@@ -58,13 +58,15 @@ void Simulation::say(Robot& robot, const std::string& to, const Bytes& message) 
 }
 
 void Simulation::hear(Worker& worker, Robot& robot, const Bytes& message) {
-  if (const auto task = decode_as<TaskMessage>(message).value) {
-    take(worker, robot, *task);
-  } else if (const auto offer = decode_as<OfferMessage>(message).value) {
-    worker.desk->offered(robot.name, offer->run, offer->waiting, now_);
+  if (is_frame_of<TaskMessage>(message)) {
+    take(worker, robot, decode_as<TaskMessage>(message));
+  } else if (is_frame_of<OfferMessage>(message)) {
+    const auto offer = decode_as<OfferMessage>(message);
+    worker.desk->offered(robot.name, offer.run, offer.waiting, now_);
     claim(worker);
-  } else if (const auto cancel = decode_as<CancelMessage>(message).value) {
-    for (auto& [number, job] : worker.jobs) job.unwanted |= job.task == cancel->task;
+  } else {
+    const auto cancel = decode_as<CancelMessage>(message);
+    for (auto& [number, job] : worker.jobs) job.unwanted |= job.task == cancel.task;
   }
 }
 
@@ -72,7 +74,7 @@ void Simulation::count(const Robot& robot) {
   if (robot.caller == nullptr) return;
   result_.sent_again += robot.caller->counts().sent_again;
   result_.hedged += robot.caller->counts().hedged;
-  result_.late += robot.caller->counts().late;
+  result_.late += robot.caller->estimate().late_replies;
 }
 
 void Simulation::begin_robot(Robot& robot) {
@@ -82,9 +84,9 @@ void Simulation::begin_robot(Robot& robot) {
   robot.run = random_();
   robot.caller = std::make_unique<Caller>(
       robot.name, robot.run, limits,
-      [this, &robot](const std::string& to, const Bytes& message) { say(robot, to, message); },
-      [](const auto& what) { what(); });
+      [this, &robot](const std::string& to, const Bytes& message) { say(robot, to, message); });
   robot.number = 0;
+  robot.live.clear();
   robot.wakes_at = Nanos::max();
 }
 
@@ -101,8 +103,26 @@ void Simulation::count_death(const Worker& worker) {
   }
 }
 
+/// As who submitted them.
+void Simulation::look(Robot& robot) {
+  std::erase_if(robot.live, [&](const TaskId& task) {
+    Expected& expected = expected_[{robot.name, task}];
+    if (std::exchange(expected.progress->missing, false)) {
+      at(now_ + delay(), [this, &robot, task] {
+        if (robot.run == task.run) robot.caller->ready(task, now_);
+      });
+    }
+    if (!expected.progress->end) return false;
+    ++expected.ends;
+    expected.end = expected.progress->end->problem;
+    expected.progress->end.reset();
+    return true;
+  });
+}
+
 /// As whoever drives it: as soon as something is due.
 void Simulation::wake(Robot& robot) {
+  look(robot);
   const Nanos next = robot.caller->next_wake();
   if (next == Nanos::max() || (next >= robot.wakes_at && robot.wakes_at > now_)) return;
   robot.wakes_at = next;
@@ -125,7 +145,7 @@ void Simulation::claim(Worker& worker) {
       if (robot.name != next->robot) continue;
       carry(worker.peer, robot.peer, [this, &robot, run = next->run, from = worker.instance] {
         if (robot.run != run) return;
-        robot.caller->claimed(from, now_);
+        robot.caller->claimed({run, from}, now_);
         wake(robot);
       });
     }
@@ -205,20 +225,15 @@ void Simulation::submit(Robot& robot) {
   const Nanos lasts = milliseconds(500 + random_() % 20'000);
   Submission submission{.task = {.task = task}};
   if (expected.deadline) submission.task.time_left = lasts;
-  submission.missing = [this, &robot, task] {
-    at(now_ + delay(), [this, &robot, task] {
-      if (robot.run == task.run) robot.caller->ready(task, now_);
-    });
-  };
-  submission.ended = [&expected](const ReplyMessage& end) {
-    ++expected.ends;
-    expected.end = end.problem;
-  };
+  expected.progress = submission.progress;
+  robot.live.push_back(task);
   robot.caller->submit(std::move(submission), now_);
   // Whoever submitted it takes it back then.
   if (expected.deadline) {
-    at(now_ + lasts, [&robot, task] {
-      if (robot.run == task.run) robot.caller->cancel(task);
+    at(now_ + lasts, [this, &robot, task] {
+      if (robot.run != task.run) return;
+      robot.caller->cancel(task);
+      look(robot);
     });
   }
   wake(robot);
@@ -325,7 +340,7 @@ SimulationResult Simulation::run() {
 void Simulation::check() {
   for (const auto& [key, expected] : expected_) {
     ++result_.submitted;
-    result_.ended_twice += expected.ends > 1;
+    result_.ended_twice += expected.progress->end.has_value();  // The first one was taken.
     if (expected.withdrawn) {
       ++result_.withdrawn;
       result_.ended_wrongly += expected.ends > 0;

@@ -15,8 +15,8 @@
 #include <tuple>
 #include <vector>
 
-#include "workloads/backends/nats/robot/caller.h"
-#include "workloads/backends/nats/service/desk.h"
+#include "workloads/backends/nats/robot/robot_link.h"
+#include "workloads/backends/nats/service/worker_link.h"
 
 namespace pirt::cloud::test {
 
@@ -58,6 +58,7 @@ class Simulation {
     Peer peer;
     std::unique_ptr<Caller> caller;
     std::uint64_t run = 0, number = 0;
+    std::vector<TaskId> live;  ///< Tasks that have not ended.
     Nanos wakes_at = Nanos::max();
   };
   struct Job {
@@ -79,6 +80,7 @@ class Simulation {
     int ends = 0, deaths = 0;
     std::set<std::uint64_t> at;      ///< Workers that have had it, by instance.
     std::optional<std::string> end;  ///< Its problem.
+    std::shared_ptr<Progress> progress;
   };
 
   void at(Nanos time, std::function<void()> what);
@@ -98,6 +100,7 @@ class Simulation {
   void begin_worker(Worker& worker);
   void count_death(const Worker& worker);
   void robot_up(Robot& robot);
+  void look(Robot& robot);
   void wake(Robot& robot);
   void claim(Worker& worker);
   void take(Worker& worker, Robot& robot, const TaskMessage& given);

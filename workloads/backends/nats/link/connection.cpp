@@ -3,14 +3,16 @@
 #include <fmt/core.h>
 #include <nats/nats.h>
 
-#include <algorithm>
 #include <atomic>
 #include <condition_variable>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <list>
 #include <mutex>
+#include <optional>
 #include <random>
+#include <regex>
 #include <utility>
 #include <vector>
 
@@ -25,8 +27,26 @@ constexpr std::size_t kLeastPayload = std::size_t{64} << 10;
 constexpr std::size_t kHead = 4096;  ///< Of a message: subject, id, what a frame adds.
 constexpr std::size_t kLargestChunk = std::size_t{512} << 10;
 constexpr std::size_t kMostMessage = std::size_t{64} << 20;  ///< More no server takes.
-/// For the library's threads to have seen the end.
-constexpr Nanos kEnd = std::chrono::seconds(5);
+constexpr Nanos kEnd = std::chrono::seconds(5);  ///< For the library's threads to see the end.
+constexpr Nanos kTry = std::chrono::seconds(2);  ///< To connect, as the library counts it.
+
+struct Url {
+  std::string scheme, host;
+};
+
+/// @throws Error{kBadInput} for what is no URL of a server.
+Url parse_url(const std::string& server) {
+  static const std::regex kUrl(
+      R"((nats|tls)://([^/?#\s]*@)?(\[([^\]/?#\s@]+)\]|[^\[\]:/?#\s@]+)(:([1-9][0-9]{0,4}))?)");
+  std::smatch parts;
+  const bool fits = server.size() <= 1024 && std::regex_match(server, parts, kUrl) &&
+                    (!parts[6].matched || std::stoi(parts[6]) <= 65535);
+  if (!fits) {
+    throw_bad_input("server '" + public_url(server) +
+                    "' is none; a server is nats://HOST:PORT, or tls://HOST:PORT");
+  }
+  return {parts[1], parts[4].matched ? parts[4] : parts[3]};
+}
 
 void throw_unless(natsStatus status, const std::string& what) {
   if (status == NATS_OK) return;
@@ -63,6 +83,48 @@ bool has_headers(natsMsg* message) {
   return any;
 }
 
+using Options = std::unique_ptr<natsOptions, decltype([](auto* o) { natsOptions_Destroy(o); })>;
+
+Options make_options(const ConnectionOptions& options) {
+  natsOptions* raw = nullptr;
+  throw_unless(natsOptions_Create(&raw), "libnats: ");
+  Options made(raw);
+  const std::string what = "server '" + public_url(options.server) + "': ";
+  const auto set = [&](natsStatus status) { throw_unless(status, what); };
+  const Url url = parse_url(options.server);
+  set(natsOptions_SetURL(raw, options.server.c_str()));
+  set(natsOptions_SetName(raw, options.name.c_str()));
+  set(natsOptions_SetCustomInboxPrefix(raw, options.inbox.c_str()));
+  set(natsOptions_SetAllowReconnect(raw, false));  // keep_open does: it says why there is none
+  set(natsOptions_SetTimeout(raw, kTry / std::chrono::milliseconds(1)));
+  set(natsOptions_SetWriteDeadline(raw, 5000));
+  // A server that says nothing is gone after twice that.
+  set(natsOptions_SetPingInterval(raw, 5000));
+  set(natsOptions_SetMaxPingsOut(raw, 2));
+  set(natsOptions_SetSendAsap(raw, true));
+  set(natsOptions_SetFailRequestsOnDisconnect(raw, true));
+  set(natsOptions_SetIgnoreDiscoveredServers(raw, true));  // nobody vouches for those
+  if (url.scheme == "tls" || !options.ca.empty()) {
+    set(natsOptions_SetSecure(raw, true));
+    set(natsOptions_SkipServerVerification(raw, false));
+    set(natsOptions_SetExpectedHostname(raw, url.host.c_str()));
+    if (!options.ca.empty()) {
+      throw_unless(natsOptions_LoadCATrustedCertificates(raw, options.ca.c_str()),
+                   "the certificate authority '" + options.ca + "': ");
+    }
+    if (!options.certificate.empty()) {
+      throw_unless(
+          natsOptions_LoadCertificatesChain(raw, options.certificate.c_str(), options.key.c_str()),
+          "the certificate '" + options.certificate + "': ");
+    }
+  }
+  if (!options.nkey.empty()) {
+    throw_unless(natsOptions_SetNKeyFromSeed(raw, options.nkey.c_str(), options.nkey_seed.c_str()),
+                 "the NKey's seed '" + options.nkey_seed + "': ");
+  }
+  return made;
+}
+
 }  // namespace
 
 struct Connection::State {
@@ -86,7 +148,9 @@ struct Connection::State {
   std::vector<natsSubscription*> subscriptions;  ///< and how, over the handle.
   natsConnection* lost = nullptr;                ///< Whose end was told last.
   int dispatching = 0;  ///< Subscriptions whose last message may not have been handled.
-  bool kept = false;    ///< For ever: the library was not done with a handle in time.
+  std::optional<Nanos> trying_since;  ///< To connect: the library may never come back from there.
+  std::weak_ptr<State> self;
+  MachineClock clock;
 
   [[nodiscard]] std::shared_ptr<natsConnection> current() {
     const std::lock_guard lock(mutex);
@@ -130,147 +194,139 @@ struct Connection::State {
     state.changed.notify_all();
   }
 
-  void keep_open(const std::stop_token& stop);
-  void subscribe(Subscription& to);
-  void open();
-  void close();
+  void keep_open(const std::stop_token& stop) {
+    name_thread("pirt-link");
+    std::minstd_rand random(std::random_device{}());
+    while (!stop.stop_requested()) {
+      try {
+        open(stop);
+        if (listener) listener(true);
+        std::unique_lock lock(mutex);
+        changed.wait(lock, stop, [&] { return lost == handle.get(); });
+        up = false;
+        lock.unlock();
+        if (listener) listener(false);
+      } catch (const std::exception& error) {
+        const std::lock_guard lock(mutex);
+        up = false;
+        why_down = error.what();
+      }
+      close();
+      // Not all robots at once.
+      const double jitter = std::uniform_real_distribution<double>(1, 2)(random);
+      std::unique_lock lock(mutex);
+      changed.wait_for(lock, stop, scaled(options.reconnect_wait, jitter), [] { return false; });
+    }
+  }
+
+  /// @throws Error{kEnvironment} if there is no server, it refuses, or nobody wants it any more.
+  void open(const std::stop_token& stop) {
+    const Options made = make_options(options);
+    throw_unless(natsOptions_SetClosedCB(made.get(), &State::on_closed, this), "libnats: ");
+    throw_unless(natsOptions_SetErrorHandler(made.get(), &State::on_error, this), "libnats: ");
+    natsConnection* connection = nullptr;
+    std::unique_lock lock(mutex);
+    if (stop.stop_requested()) throw_environment("it ends");
+    lost = nullptr;
+    trying_since = clock.now();
+    lock.unlock();
+    const natsStatus status = natsConnection_Connect(&connection, made.get());
+    lock.lock();
+    trying_since.reset();
+    changed.notify_all();
+    throw_unless(status, "");
+    handle.reset(connection, natsConnection_Destroy);
+    if (stop.stop_requested()) throw_environment("it ends");
+    if (const std::int64_t most = natsConnection_GetMaxPayload(connection); most > 0) {
+      most_payload = static_cast<std::size_t>(most);
+    }
+    for (Subscription& each : wanted) subscribe(each);
+    why_down.clear();
+    up = true;
+  }
+
+  /// With the lock.
+  void subscribe(Subscription& to) {
+    const auto set = [&](natsStatus status) {
+      throw_unless(status, "subscription to " + to.subject + ": ");
+    };
+    natsSubscription* made = nullptr;
+    set(natsConnection_Subscribe(&made, handle.get(), to.subject.c_str(), &State::on_message, &to));
+    set(natsSubscription_SetPendingLimits(made, -1, static_cast<int>(to.most_bytes)));
+    set(natsSubscription_SetOnCompleteCB(made, &State::on_complete, &to));
+    ++dispatching;
+    subscriptions.push_back(made);
+  }
+
+  /// Nothing is heard of the handle after that, unless the library takes longer than kEnd: then
+  /// what it needs is kept.
+  void close() {
+    const auto old = current();
+    if (old == nullptr) return;
+    natsConnection_Close(old.get());
+    std::unique_lock lock(mutex);
+    if (changed.wait_for(lock, kEnd, [&] { return lost == old.get() && dispatching == 0; })) {
+      for (natsSubscription* const each : subscriptions) natsSubscription_Destroy(each);
+    } else {
+      static_cast<void>(new std::pair(self.lock(), old));
+    }
+    subscriptions.clear();
+    handle.reset();
+  }
 };
 
-namespace {
+std::string public_url(const std::string& server) {
+  const auto scheme = server.find("://"), at = server.rfind('@');
+  if (at == std::string::npos) return server;
+  return server.substr(0, scheme < at ? scheme + 3 : 0) + server.substr(at + 1);
+}
 
-using Options = std::unique_ptr<natsOptions, decltype([](auto* o) { natsOptions_Destroy(o); })>;
-
-Options make_options(const ConnectionOptions& options) {
-  natsOptions* raw = nullptr;
-  throw_unless(natsOptions_Create(&raw), "libnats: ");
-  Options made(raw);
-  const std::string what = "server '" + public_url(options.server) + "': ";
-  const auto set = [&](natsStatus status) { throw_unless(status, what); };
+void check_connection(const ConnectionOptions& options) {
   const Url url = parse_url(options.server);
-  set(natsOptions_SetURL(raw, options.server.c_str()));
-  set(natsOptions_SetName(raw, options.name.c_str()));
-  set(natsOptions_SetCustomInboxPrefix(raw, options.inbox.c_str()));
-  set(natsOptions_SetAllowReconnect(raw, false));  // keep_open does: it says why there is none
-  set(natsOptions_SetTimeout(raw, 2000));
-  set(natsOptions_SetWriteDeadline(raw, 5000));
-  // A server that says nothing is gone after twice that.
-  set(natsOptions_SetPingInterval(raw, 5000));
-  set(natsOptions_SetMaxPingsOut(raw, 2));
-  set(natsOptions_SetSendAsap(raw, true));
-  set(natsOptions_SetFailRequestsOnDisconnect(raw, true));
-  set(natsOptions_SetIgnoreDiscoveredServers(raw, true));  // nobody vouches for those
-  if (url.scheme == "tls" || !options.ca.empty()) {
-    set(natsOptions_SetSecure(raw, true));
-    set(natsOptions_SkipServerVerification(raw, false));
-    set(natsOptions_SetExpectedHostname(raw, url.host.c_str()));
-    if (!options.ca.empty()) {
-      throw_unless(natsOptions_LoadCATrustedCertificates(raw, options.ca.c_str()),
-                   "the certificate authority '" + options.ca + "': ");
-    }
-    if (!options.certificate.empty()) {
-      throw_unless(
-          natsOptions_LoadCertificatesChain(raw, options.certificate.c_str(), options.key.c_str()),
-          "the certificate '" + options.certificate + "': ");
-    }
+  for (const auto& [what, file] : {std::pair("the certificate authority", &options.ca),
+                                   std::pair("the certificate", &options.certificate),
+                                   std::pair("the certificate's key", &options.key),
+                                   std::pair("the NKey's seed", &options.nkey_seed)}) {
+    std::error_code error;
+    if (file->empty() || std::filesystem::is_regular_file(*file, error)) continue;
+    throw_bad_input(fmt::format("{} '{}' is no file that can be read", what, *file));
   }
-  if (!options.nkey.empty()) {
-    throw_unless(natsOptions_SetNKeyFromSeed(raw, options.nkey.c_str(), options.nkey_seed.c_str()),
-                 "the NKey's seed '" + options.nkey_seed + "': ");
+  if (options.certificate.empty() != options.key.empty()) {
+    throw_bad_input("a certificate and its key belong together; give both, or neither");
   }
-  return made;
-}
-
-}  // namespace
-
-/// @throws Error{kEnvironment} if there is no server, or it refuses.
-void Connection::State::open() {
-  const Options made = make_options(options);
-  throw_unless(natsOptions_SetClosedCB(made.get(), &State::on_closed, this), "libnats: ");
-  throw_unless(natsOptions_SetErrorHandler(made.get(), &State::on_error, this), "libnats: ");
-  natsConnection* connection = nullptr;
-  {
-    const std::lock_guard lock(mutex);
-    lost = nullptr;
+  if (options.nkey_seed.empty() != options.nkey.empty()) {
+    throw_bad_input("an NKey and the file with its seed belong together; give both, or neither");
   }
-  throw_unless(natsConnection_Connect(&connection, made.get()), "");
-  if (const std::int64_t most = natsConnection_GetMaxPayload(connection); most > 0) {
-    most_payload = static_cast<std::size_t>(most);
-  }
-  const std::lock_guard lock(mutex);
-  handle.reset(connection, natsConnection_Destroy);
-  for (Subscription& each : wanted) subscribe(each);
-  why_down.clear();
-  up = true;
-}
-
-/// With the lock.
-void Connection::State::subscribe(Subscription& to) {
-  const auto set = [&](natsStatus status) {
-    throw_unless(status, "subscription to " + to.subject + ": ");
-  };
-  natsSubscription* made = nullptr;
-  set(natsConnection_Subscribe(&made, handle.get(), to.subject.c_str(), &State::on_message, &to));
-  set(natsSubscription_SetPendingLimits(made, -1, static_cast<int>(to.most_bytes)));
-  set(natsSubscription_SetOnCompleteCB(made, &State::on_complete, &to));
-  ++dispatching;
-  subscriptions.push_back(made);
-}
-
-/// Nothing is heard of the handle after that, unless the library takes longer than kEnd: then what
-/// it needs is kept.
-void Connection::State::close() {
-  const auto old = current();
-  if (old == nullptr) return;
-  natsConnection_Close(old.get());
-  std::unique_lock lock(mutex);
-  if (changed.wait_for(lock, kEnd, [&] { return lost == old.get() && dispatching == 0; })) {
-    for (natsSubscription* const each : subscriptions) natsSubscription_Destroy(each);
-  } else {
-    static_cast<void>(new std::shared_ptr<natsConnection>(old));
-    kept = true;
-  }
-  subscriptions.clear();
-  handle.reset();
-}
-
-void Connection::State::keep_open(const std::stop_token& stop) {
-  name_thread("pirt-link");
-  std::minstd_rand random(std::random_device{}());
-  while (!stop.stop_requested()) {
-    try {
-      open();
-      changed.notify_all();
-      if (listener) listener(true);
-      std::unique_lock lock(mutex);
-      changed.wait(lock, stop, [&] { return lost == handle.get(); });
-      up = false;
-      lock.unlock();
-      if (listener) listener(false);
-    } catch (const std::exception& error) {
-      const std::lock_guard lock(mutex);
-      up = false;
-      why_down = error.what();
-    }
-    close();
-    // Not all robots at once.
-    const double jitter = std::uniform_real_distribution<double>(1, 2)(random);
-    std::unique_lock lock(mutex);
-    changed.wait_for(lock, stop, scaled(options.reconnect_wait, jitter), [] { return false; });
+  const bool tls = url.scheme == "tls" || !options.ca.empty();
+  static const std::regex kLoopback(R"(localhost|::1|127\.[0-9.]*)");
+  if (!tls && !options.insecure && !std::regex_match(url.host, kLoopback)) {
+    throw_bad_input("server '" + public_url(options.server) +
+                    "' is beyond this machine and would be spoken to without TLS: anybody on the "
+                    "way could read and change tasks; use tls://, or allow it (--insecure; of a "
+                    "unit, insecure: true)");
   }
 }
 
 Connection::Connection(const ConnectionOptions& options, Listener listener)
-    : state_(std::make_unique<State>()) {
+    : state_(std::make_shared<State>()) {
   check_connection(options);
+  state_->self = state_;
   state_->options = options;
   state_->listener = std::move(listener);
-  keeper_ = start_thread([this](const std::stop_token& stop) { state_->keep_open(stop); });
+  keeper_ = start_thread([state = state_](const std::stop_token& stop) { state->keep_open(stop); });
 }
 
 Connection::~Connection() {
-  keeper_ = {};     // Asks it to stop, and waits.
+  keeper_.request_stop();
+  std::unique_lock lock(state_->mutex);
+  const Nanos now = state_->clock.now(), since = state_->trying_since.value_or(now);
+  if (!state_->changed.wait_for(lock, since + kEnd - now, [&] { return !state_->trying_since; })) {
+    keeper_.detach();  // It keeps its state, and does nothing more if it ever comes back.
+    return;
+  }
+  lock.unlock();
+  keeper_.join();
   state_->close();  // Where it had ended early.
-  if (state_->kept) static_cast<void>(state_.release());
 }
 
 bool Connection::wait_until_up(Nanos most) {
@@ -283,14 +339,14 @@ bool Connection::is_up() const { return state_->up; }
 std::string Connection::why_down() const {
   if (is_up()) return "";
   const std::lock_guard lock(state_->mutex);
-  const std::string& said = state_->why_down;
-  struct Known {
-    const char *says, *remedy;
-  };
+  const auto since = state_->trying_since;
+  const bool silent = since && state_->clock.now() - *since > 2 * kTry;
+  const std::string said = silent ? natsStatus_GetText(NATS_TIMEOUT) : state_->why_down;
   constexpr const char* kFull =
       "it has as many connections as it may have; raise max_connections there";
   constexpr const char* kWho = "it lets this user not in; check its password, NKey or certificate";
-  static constexpr Known kKnown[] = {
+  static constexpr std::pair<const char*, const char*> kKnown[] = {
+      // What it says, and the remedy.
       {"maximum connections", kFull},
       {"expected 'pong', got ''", kFull},  // It says why, and hangs up: that may be lost.
       {"authorization", kWho},
@@ -304,8 +360,8 @@ std::string Connection::why_down() const {
       {"timeout", "it does not answer; is it stopped, or something else there?"},
       {"", "start one (nats-server -js), or name another"}};
   const auto* const known = std::ranges::find_if(
-      kKnown, [&](const Known& each) { return ::strcasestr(said.c_str(), each.says) != nullptr; });
-  return (said.empty() ? "" : said + "; ") + known->remedy;
+      kKnown, [&](const auto& each) { return ::strcasestr(said.c_str(), each.first) != nullptr; });
+  return (said.empty() ? "" : said + "; ") + known->second;
 }
 
 std::string Connection::problem() const {

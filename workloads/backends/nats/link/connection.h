@@ -1,9 +1,7 @@
-// A connection to a NATS server that comes back by itself, and JetStream's requests over it. The
-// only file that knows libnats.
+// A connection to a NATS server that comes back by itself; its .cpp alone knows libnats.
 //
 // Handlers are called from the library's threads, and must not block for long: what is thrown there
-// is said as a problem. Nothing is heard of any once the destructor has returned,
-// unless one takes longer than 5 s.
+// is said as a problem. None is called once the destructor has returned, unless it takes over 5 s.
 #pragma once
 
 #include <algorithm>
@@ -32,12 +30,6 @@ struct ConnectionOptions {
   Nanos reconnect_wait = std::chrono::milliseconds(200);
 };
 
-struct Url {
-  std::string scheme, host;
-};
-/// @throws Error{kBadInput} for what is no URL of a server.
-[[nodiscard]] Url parse_url(const std::string& server);
-
 /// Without a user and a password: for messages, profiles, reports.
 [[nodiscard]] std::string public_url(const std::string& server);
 
@@ -64,8 +56,6 @@ class Connection {
   /// @throws As check_connection; Error{kEnvironment} if the library cannot begin.
   Connection(const ConnectionOptions& options, Listener listener);
   ~Connection();
-  Connection(const Connection&) = delete;
-  Connection& operator=(const Connection&) = delete;
 
   /// Until it is up, or @p most is over. @return  Whether it is.
   [[nodiscard]] bool wait_until_up(Nanos most);
@@ -109,7 +99,7 @@ class Connection {
 
  private:
   struct State;
-  std::unique_ptr<State> state_;
+  std::shared_ptr<State> state_;
   std::jthread keeper_;  ///< Makes another one where the library has given it up.
 };
 

@@ -4,99 +4,342 @@
 
 #include <algorithm>
 #include <limits>
-#include <utility>
 
-#include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
 
 namespace pirt::cloud {
 namespace {
 
+constexpr std::size_t kMostWorkers = 1024;
+// Calls of a kind that its 95th of 100 follows from.
+constexpr std::size_t kFewCalls = 20, kManyCalls = 100;
+constexpr std::size_t kSmall = 64 << 10;  ///< No bandwidth follows from a smaller message.
+constexpr double kNew = 0.25;             ///< Of what is measured, in what is known from before.
+/// Who is called so much later than was asked for was stopped meanwhile (Ctrl-Z, docker pause): it
+/// is little, so that a pause is seen that began just before.
+constexpr Nanos kAway = std::chrono::milliseconds(500);
 constexpr Nanos kAskAgain = std::chrono::seconds(1);
 constexpr Nanos kLongestWait = std::chrono::hours(1);
 constexpr std::size_t kMostHello = 64 << 10;  ///< Of it 1024 are kept.
 constexpr std::size_t kMostReply = std::numeric_limits<std::size_t>::max();  ///< With its outputs.
 
+bool knows(const HelloMessage& worker, const Kind& kind) {
+  return std::ranges::any_of(worker.workloads, [&](const HelloMessage::Known& known) {
+    return known.workload == kind.name && (!kind.known_by || known.spec == *kind.known_by);
+  });
+}
+
 }  // namespace
 
-template <typename Step>
-void RobotLink::with_caller(Step step) {
-  std::vector<std::function<void()>> told;
-  {
-    const std::lock_guard lock(mutex_);
-    step(clock_.now());
-    told.swap(told_);
-  }
-  changed_.notify_all();
-  say_all();
-  for (const auto& each : told) each();
+Caller::Caller(std::string robot, std::uint64_t run, const CallerLimits& limits, Say say)
+    : robot_(std::move(robot)),
+      run_(run),
+      limits_(limits),
+      say_(std::move(say)),
+      random_(static_cast<std::uint32_t>(run)) {}
+
+void Caller::submit(Submission submission, Nanos now) {
+  ++counts_.submitted;
+  const TaskId task = submission.task.task;
+  std::optional<Nanos> deadline;
+  if (const auto left = submission.task.time_left) deadline = later_by(now, *left);
+  entries_[task] = {.submission = std::move(submission), .offered_at = now, .deadline = deadline};
+  offer(now);
 }
 
-/// In order, by whoever comes first, and without the lock: a server that does not read holds up
-/// who publishes, and nobody who asks whether there is a link.
-void RobotLink::say_all() {
-  std::unique_lock lock(mutex_);
-  if (std::exchange(saying_, true)) return;
-  while (!said_.empty()) {
-    const auto [to, frame] = std::move(said_.front());
-    said_.pop_front();
-    lock.unlock();
-    connection_->publish(to, frame);
-    lock.lock();
-  }
-  saying_ = false;
+void Caller::cancel(const TaskId& task) {
+  const auto at = entries_.find(task);
+  if (at != entries_.end()) end(at, {.problem = "cancelled"});
 }
 
-template <typename Said, typename Step>
-void RobotLink::subscribe(const std::string& subject, std::size_t most_bytes, Step step) {
-  connection_->subscribe(subject, [=, this](const Incoming& message) {
-    if (message.data.size() > most_bytes) return connection_->note("a worker says too much");
-    auto said = decode_as<Said>(message.data);
-    if (said.value) return with_caller([&](Nanos now) { step(*std::move(said.value), now); });
-    connection_->note("a worker says what cannot be read: " + said.problem);
+void Caller::ready(const TaskId& task, Nanos now) {
+  const auto at = entries_.find(task);
+  if (at == entries_.end() || !at->second.given.empty()) return;
+  at->second.offered_at = now;
+  offer(now);
+}
+
+void Caller::link_up(Nanos now) {
+  if (std::exchange(linked_, true)) return;
+  restart_waits(now);
+  offer(now);
+}
+
+/// What was said meanwhile was said to nobody, or is not yet read.
+void Caller::restart_waits(Nanos now) {
+  for (auto& [task, entry] : entries_) {
+    for (Given& each : entry.given) {
+      each.until = now + (each.confirmed ? limits_.silence : limits_.confirm);
+    }
+  }
+}
+
+void Caller::link_down() {
+  linked_ = false;
+  for (auto& [instance, worker] : workers_) worker.is_here = false;
+}
+
+/// A task goes to a worker that knows its workload, if there is one.
+void Caller::claimed(ClaimMessage claim, Nanos now) {
+  const auto [run, worker] = claim;
+  if (run != run_) return;  // It is of another program of this robot's name.
+  const auto asks = workers_.find(worker);
+  for (auto& each : entries_) {
+    Entry& entry = each.second;
+    const auto its = [&](const auto& of) {
+      return knows(of.second.said, entry.submission.task.kind);
+    };
+    const auto has = std::ranges::find(entry.given, worker, &Given::worker);
+    if (!waits(entry, now) || has != entry.given.end()) continue;
+    if ((asks != workers_.end() && its(*asks)) || std::ranges::none_of(workers_, its)) {
+      return give(entry, worker, now);
+    }
+  }
+  say_(task_subject(robot_, worker), encode(OfferMessage{run_, 0}));
+}
+
+void Caller::give(Entry& entry, std::uint64_t worker, Nanos now) {
+  if (++entry.sends > 1) ++counts_.sent_again;
+  if (!entry.given.empty()) ++counts_.hedged;
+  entry.given.push_back({worker, entry.sends, false, now, now + limits_.confirm});
+  entry.offered_at.reset();
+  TaskMessage& task = entry.submission.task;
+  const auto hedged = entry.sends == 1 ? hedged_after(task.spec) : std::nullopt;
+  entry.hedge_at = hedged ? std::optional(now + *hedged) : std::nullopt;
+  task.send = entry.sends;
+  task.waiting = waiting(now);
+  if (entry.deadline) task.time_left = std::clamp(*entry.deadline - now, Nanos::zero(), kLongest);
+  Bytes message = encode(task);
+  entry.given_at = now;
+  entry.given_bytes = message.size();
+  say_(task_subject(robot_, worker), std::move(message));
+}
+
+void Caller::replied(ReplyMessage reply, Nanos now) {
+  const auto at = entries_.find(reply.task);
+  if (at == entries_.end()) {
+    if (reply.kind != ReplyKind::kRunning) ++estimate_.late_replies;
+    return;
+  }
+  Entry& entry = at->second;
+  Progress& progress = *entry.submission.progress;
+  if (!std::exchange(progress.taken, true) && entry.given_bytes > 0) {
+    measure(now - entry.given_at, entry.given_bytes);
+  }
+  const auto given = std::ranges::find(entry.given, reply.send, &Given::send);
+  if (reply.kind == ReplyKind::kDone) {  // Of whatever send: it is what was asked for.
+    if (given != entry.given.end()) {    // Since the first one that has it was asked.
+      auto& took = took_[entry.submission.task.spec];
+      took.push_back(now - std::ranges::min(entry.given, {}, &Given::since).since);
+      if (took.size() > kManyCalls) took.pop_front();
+    }
+    reply.problem.clear();
+    return end(at, std::move(reply));
+  }
+  if (given == entry.given.end()) return;  // It is with somebody else by now.
+  if (reply.kind == ReplyKind::kRunning) {
+    given->confirmed = true;
+    given->until = now + limits_.silence;
+    return;
+  }
+  entry.given.erase(given);
+  const std::string problem = fmt::format("worker {}: {}", reply.worker, reply.problem);
+  switch (reply.kind) {
+    case ReplyKind::kRefused:
+      if (!entry.given.empty()) return;  // Another one computes it.
+      return end(at,
+                 {.problem = fmt::format("worker {} refused it: {}", reply.worker, reply.problem)});
+    case ReplyKind::kExpired:
+      return end(at, {.problem = "its time was over before a worker began"});
+    case ReplyKind::kMissing:
+      if (entry.sends >= limits_.most_sends) return failed(at, problem, now);
+      entry.offered_at.reset();
+      entry.hedge_at.reset();
+      progress.missing = true;
+      return;
+    case ReplyKind::kFailedTry:
+      ++entry.tries;
+      [[fallthrough]];
+    default:
+      return failed(at, problem, now);
+  }
+}
+
+/// A worker has it no more. What counts as a try was counted.
+void Caller::failed(Entries::iterator at, const std::string& problem, Nanos now) {
+  Entry& entry = at->second;
+  const bool tried = entry.tries >= limits_.most_tries;
+  if (tried || entry.sends >= limits_.most_sends) {
+    return end(
+        at, {.problem = tried ? fmt::format("given up after {} tries; the last one failed on {}",
+                                            entry.tries, problem)
+                              : fmt::format("given up after it was sent {} times; the last time {}",
+                                            entry.sends, problem)});
+  }
+  if (!entry.given.empty()) return;
+  // Later each time, and not all robots at once.
+  const double jitter = std::uniform_real_distribution<double>(1, 2)(random_);
+  entry.offered_at = now + scaled(std::min<std::int64_t>(entry.sends, 10) * limits_.again, jitter);
+  entry.hedge_at.reset();
+}
+
+void Caller::heard(HelloMessage hello, Nanos now) {
+  const std::uint64_t instance = hello.instance;
+  if (workers_.size() >= kMostWorkers) workers_.clear();
+  const auto silent = std::erase_if(workers_, [&](const auto& each) {
+    return each.second.at + limits_.worker < now && each.first != instance;
   });
+  const auto [at, is_new] = workers_.try_emplace(instance);
+  if (is_new || silent > 0 || at->second.said.workloads != hello.workloads) ++counts_.others;
+  const bool was_here = at->second.is_here;
+  at->second = {std::move(hello), now, true};
+  if (was_here) return;
+  // It is back, and says soon what it has.
+  for (auto& [task, entry] : entries_) {
+    for (Given& each : entry.given) {
+      if (each.worker == instance) each.until = std::min(each.until, now + limits_.confirm);
+    }
+  }
+  offer(now);
+}
+
+void Caller::wake(Nanos now) {
+  if (now - next_wake() > kAway) restart_waits(now);
+  bool offers = false;
+  for (auto at = entries_.begin(); at != entries_.end();) {
+    const auto here = at++;
+    Entry& entry = here->second;
+    if (due(entry) > now) continue;
+    if (entry.hedge_at && *entry.hedge_at <= now) {
+      entry.hedge_at.reset();
+      entry.offered_at = now;
+    }
+    offers = offers || waits(entry, now);
+    const auto gone =
+        std::ranges::find_if(entry.given, [&](const Given& each) { return each.until <= now; });
+    if (gone == entry.given.end()) continue;
+    const auto heard = workers_.find(gone->worker);
+    const bool lives = heard != workers_.end() && heard->second.lives(now, limits_.silence / 2);
+    const bool confirmed = gone->confirmed;
+    entry.given.erase(gone);
+    if (confirmed && !lives) ++entry.tries;
+    failed(here,
+           !confirmed ? "the worker did not get it"
+           : lives    ? "its reply was lost"
+                      : "a worker that was not heard of again: it died, or its link did",
+           now);
+  }
+  if (offers) offer(now);
+}
+
+Nanos Caller::next_wake() const {
+  Nanos next = Nanos::max();
+  for (const auto& [task, entry] : entries_) next = std::min(next, due(entry));
+  return next;
+}
+
+Nanos Caller::due(const Entry& entry) const {
+  if (!linked_) return Nanos::max();
+  Nanos next = entry.hedge_at.value_or(Nanos::max());
+  for (const Given& each : entry.given) next = std::min(next, each.until);
+  if (!entry.offered_at) return next;
+  const bool again = *entry.offered_at <= offered_;
+  return std::min(next, again ? offered_ + limits_.offer : *entry.offered_at);
+}
+
+std::uint32_t Caller::waiting(Nanos now) const {
+  return static_cast<std::uint32_t>(
+      std::ranges::count_if(entries_, [&](const auto& each) { return waits(each.second, now); }));
+}
+
+void Caller::offer(Nanos now) {
+  offered_ = now;
+  const std::uint32_t count = waiting(now);
+  if (linked_ && count > 0) say_(subject("offer", robot_), encode(OfferMessage{run_, count}));
+}
+
+std::optional<Nanos> Caller::hedged_after(const Digest& spec) const {
+  if (!limits_.hedge_p95) return limits_.hedge_after;
+  const auto took = took_.find(spec);
+  if (took == took_.end() || took->second.size() < kFewCalls) return std::nullopt;
+  std::vector<Nanos> sorted(took->second.begin(), took->second.end());
+  const auto p95 = sorted.begin() + std::ssize(sorted) * 95 / 100;
+  std::ranges::nth_element(sorted, p95);
+  return *p95;
+}
+
+/// @param how  A worker's reply to what is done; else the problem alone.
+void Caller::end(Entries::iterator at, ReplyMessage how) {
+  const bool done = how.problem.empty();
+  counts_.done += done ? 1 : 0;
+  const bool others = std::ranges::any_of(
+      at->second.given, [&](const Given& each) { return !done || each.send != how.send; });
+  // Whoever has it may let go of it.
+  if (others && linked_) say_(subject("cancel", robot_), encode(CancelMessage{at->first}));
+  at->second.submission.progress->end = std::move(how);
+  entries_.erase(at);
+}
+
+void Caller::measure(Nanos took, std::size_t bytes) {
+  if (bytes < kSmall) {
+    const Nanos known = estimate_.round_trip.value_or(took);
+    estimate_.round_trip = known + scaled(took - known, kNew);
+    return;
+  }
+  const Nanos moving = took - estimate_.round_trip.value_or(Nanos::zero());
+  if (moving <= Nanos::zero()) return;
+  const double rate = static_cast<double>(bytes) / to_s(moving);
+  const double known = estimate_.bytes_per_s.value_or(rate);
+  estimate_.bytes_per_s = known + kNew * (rate - known);
+}
+
+bool Caller::is_up(Nanos now) const {
+  return linked_ && std::ranges::any_of(workers_, [&](const auto& each) {
+           return each.second.lives(now, limits_.worker);
+         });
+}
+
+std::string Caller::why_not(const Kind& kind) const {
+  std::string why;
+  for (const auto& [instance, worker] : workers_) {
+    if (knows(worker.said, kind)) return "";
+    const bool another = knows(worker.said, {.name = kind.name});
+    why = fmt::format("worker {} (pirt {}) {} {}: {}", worker.said.worker, worker.said.version,
+                      another ? "has another" : "does not know", kind.name,
+                      another ? "other models or sizes, or another version of pirt"
+                              : "it was given no models (pirt cloud-worker --model), has no room "
+                                "for it (--cache-mb), or is another version of pirt");
+  }
+  return why;
 }
 
 RobotLink::RobotLink(const RobotOptions& options)
     : options_(options),
-      caller_(
-          options.robot, run_, options.limits,
-          [this](std::string to, Bytes message) {
-            said_.emplace_back(std::move(to), std::move(message));
-          },
-          [this](std::function<void()> what) { told_.push_back(std::move(what)); }) {
+      caller_(options.robot, run_, options.limits, [this](std::string to, Bytes message) {
+        said_.emplace_back(std::move(to), std::move(message));
+      }) {
   check_robot_name(options_.robot);
   options_.connection.name = "pirt robot " + options_.robot;
   options_.connection.inbox = "_INBOX_" + options_.robot;
   connection_ = std::make_unique<Connection>(options_.connection, [this](bool is_up) {
-    with_caller([&](Nanos now) {
+    step([&](Caller& caller, Nanos now) {
       ask_at_ = is_up ? now : Nanos::max();
-      if (!is_up) caller_.link_down();
+      if (!is_up) caller.link_down();
     });
   });
-  subscribe<ClaimMessage>(subject("claim", options_.robot), kMostHello,
-                          [this](const ClaimMessage& claim, Nanos now) {
-                            // Else it is of another program of this robot's name.
-                            if (claim.run == run_) caller_.claimed(claim.worker, now);
-                          });
-  subscribe<ReplyMessage>(
-      subject("answer", options_.robot), kMostReply,
-      [this](ReplyMessage&& reply, Nanos now) { caller_.replied(std::move(reply), now); });
-  subscribe<HelloMessage>(kHelloSubject, kMostHello, [this](HelloMessage&& hello, Nanos now) {
-    caller_.heard(std::move(hello), now);
-  });
+  const auto subscribe = [this]<typename Said>(const std::string& to, std::size_t most_bytes,
+                                               void (Caller::*hear)(Said, Nanos)) {
+    connection_->subscribe(to, [=, this](const Incoming& message) {
+      if (message.data.size() > most_bytes) throw_bad_input("a worker says too much");
+      Said said = decode_as<Said>(message.data);
+      step([&](Caller& caller, Nanos now) { (caller.*hear)(std::move(said), now); });
+    });
+  };
+  subscribe(subject("claim", options_.robot), kMostHello, &Caller::claimed);
+  subscribe(subject("answer", options_.robot), kMostReply, &Caller::replied);
+  subscribe(kHelloSubject, kMostHello, &Caller::heard);
   server_ = start_thread([this](const std::stop_token& stop) { serve(stop); });
-}
-
-RobotLink::~RobotLink() {
-  server_ = {};
-  {
-    const std::lock_guard lock(mutex_);
-    caller_.cancel_all();
-    told_.clear();
-  }
-  say_all();
 }
 
 void RobotLink::serve(const std::stop_token& stop) {
@@ -104,10 +347,10 @@ void RobotLink::serve(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
     try {
       bool asks = false;
-      with_caller([&](Nanos now) {
+      step([&](Caller& caller, Nanos now) {
         asks = ask_at_ <= now;
         if (asks) ask_at_ = now + kAskAgain;
-        if (caller_.next_wake() <= now) caller_.wake(now);
+        if (caller.next_wake() <= now) caller.wake(now);
       });
       if (asks) ask_for_stream();
       std::unique_lock lock(mutex_);
@@ -139,31 +382,14 @@ void RobotLink::ask_for_stream() {
     stream.why = fmt::format("no stream for robot '{}'; run `pirt cloud-admin setup --robots {}`",
                              options_.robot, options_.robot);
   }
-  with_caller([&](Nanos now) {
+  step([&](Caller& caller, Nanos now) {
     no_stream_ = stream.why;
+    if (!no_stream_.empty() && answer.came && caller.is_up(now)) caller.link_down();
     if (!no_stream_.empty() || !connection_->is_up()) return;  // It is asked again.
     stream_bytes_ = stream.json.at("config").value("max_bytes", std::int64_t{0});
     ask_at_ = Nanos::max();
-    caller_.link_up(now);
+    caller.link_up(now);
   });
-}
-
-void RobotLink::submit(const TaskId& task, Submission submission) {
-  submission.task.task = task;
-  with_caller([&](Nanos now) { caller_.submit(std::move(submission), now); });
-}
-
-void RobotLink::cancel(const TaskId& task) {
-  with_caller([&](Nanos) { caller_.cancel(task); });
-}
-
-void RobotLink::ready(const TaskId& task) {
-  with_caller([&](Nanos now) { caller_.ready(task, now); });
-}
-
-bool RobotLink::wait_until_up(Nanos most) {
-  std::unique_lock lock(mutex_);
-  return changed_.wait_for(lock, most, [this] { return caller_.is_up(clock_.now()); });
 }
 
 std::string RobotLink::why_down() const {

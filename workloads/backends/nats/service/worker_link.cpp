@@ -3,41 +3,185 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <string_view>
+#include <tuple>
 #include <utility>
 
-#include "workloads/backends/nats/link/blobs.h"
-#include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
 
 namespace pirt::cloud {
-/// What somebody waits for may be there then.
-template <typename Change>
-void WorkerLink::change(Change change) {
-  {
-    const std::lock_guard lock(mutex_);
-    change(clock_.now());
-    changed_now_ = true;
-  }
-  changed_.notify_all();
-}
+namespace {
 
-/// @param robot  As a subject says it: it may be anything.
-void WorkerLink::drop(const std::string& robot, const std::string& problem) {
-  const std::lock_guard lock(mutex_);
-  ++counts_.malformed;
-  connection_->note("robot " + robot + ": " + problem);
-}
+constexpr Nanos kLook = std::chrono::milliseconds(100);
+constexpr Nanos kSettling = std::chrono::seconds(1);  ///< Of a link that came or went.
+constexpr Nanos kLinkBack = std::chrono::seconds(4);  ///< For a reply to wait for one.
+constexpr Nanos kQuiet = std::chrono::seconds(5);     ///< Between what robots do wrong.
 
+/// Of a robot, in a few bytes.
 template <typename Said>
-std::optional<Said> WorkerLink::read(const std::string& robot, const Incoming& message) {
+Said decode_small(const std::string& robot, ByteView frame) {
   constexpr std::size_t kMostSmall = 256;
-  Decoded<Said> said{std::nullopt, "a message that is too long"};
-  if (is_robot_name(robot) && message.data.size() <= kMostSmall) {
-    said = decode_as<Said>(message.data);
+  if (!is_robot_name(robot) || frame.size() > kMostSmall) {
+    throw_bad_input("a message that is too long");
   }
-  if (!said.value) drop(robot, said.problem);
-  return std::move(said.value);
+  return decode_as<Said>(frame);
+}
+
+/// Whenever there is a link. Where an administrator makes the streams, a worker may not; and what
+/// is there is the administrator's.
+/// @param again  Nothing is thrown: the server may be another one tomorrow.
+void look_at_server(Connection& connection, const std::function<void(const std::string&)>& say,
+                    bool again) {
+  bool ends = !again;
+  try {
+    if (connection.chunk_bytes() == 0) throw_environment(connection.why_no_chunks());
+    const std::string first = "$JS.API.STREAM.INFO.PIRT_" + Setup{}.robots[0];
+    const auto answer = connection.request(first, "", std::chrono::seconds(1));
+    if (!answer.came) return;
+    const StreamAnswer stream = read_answer(answer);
+    if (stream.error == 0) return;
+    ends = ends && stream.error != kNoStream;  // Robots of other names may have theirs.
+    for (const std::string& line : set_up(connection, {})) say(line);
+  } catch (const Error& error) {
+    if (ends) throw;  // Such as no JetStream at all.
+    say(error.what());
+  }
+}
+
+}  // namespace
+
+/// One that was not there, or idle, has used as much as the least of the others: nobody saves up.
+Desk::Robot& Desk::robot_of(const std::string& name, Nanos now) {
+  if (!robots_.contains(name) && robots_.size() >= limits_.most_robots) {
+    const auto idle = std::ranges::min_element(robots_, {}, [](const auto& each) {
+      return std::tuple(each.second.slots, each.second.heard);
+    });
+    if (idle->second.slots == 0) robots_.erase(idle);
+  }
+  const auto [at, is_new] = robots_.try_emplace(name);
+  Robot& robot = at->second;
+  if (is_new || (robot.slots == 0 && robot.heard + limits_.active < now)) {
+    Nanos least = Nanos::max();
+    for (const auto& [other, each] : robots_) {
+      if (other != name && each.heard + limits_.active >= now) least = std::min(least, each.used);
+    }
+    if (least != Nanos::max()) robot.used = std::max(robot.used, least);
+  }
+  robot.heard = now;
+  return robot;
+}
+
+void Desk::hear(const std::string& name, std::uint64_t run, std::uint32_t waiting, Nanos now) {
+  Robot& robot = robot_of(name, now);
+  if (!robot.runs.contains(run) && robot.runs.size() >= limits_.most_runs) {
+    robot.runs.erase(std::ranges::min_element(robot.runs, {},
+                                              [](const auto& each) { return each.second.heard; }));
+  }
+  Run& state = robot.runs[run];
+  state.waiting = waiting;
+  state.heard = now;
+}
+
+/// Nothing waits: so a run answers a claim that it has no task for.
+void Desk::offered(const std::string& name, std::uint64_t run, std::uint32_t waiting, Nanos now) {
+  hear(name, run, waiting, now);
+  if (waiting == 0) answered(name, run, now);
+}
+
+std::optional<Desk::Claim> Desk::claim(Nanos now) {
+  while (next_wake() <= now) {
+    const Claim late = asked_.front();
+    auto& runs = robots_.at(late.robot).runs;
+    if (const auto its = runs.find(late.run); its != runs.end()) {
+      its->second.waiting = 0;
+      its->second.late = true;
+    }
+    answered(late.robot, late.run, now);
+  }
+  if (!has_free_slot()) return std::nullopt;
+  const auto active = std::max<std::ptrdiff_t>(
+      1, std::ranges::count_if(
+             robots_, [&](const auto& each) { return each.second.heard + limits_.active >= now; }));
+  const auto share = (limits_.slots + active - 1) / active;
+  std::pair<const std::string, Robot>* robot = nullptr;
+  std::pair<const std::uint64_t, Run>* run = nullptr;
+  // Of a robot's runs, the one that was asked longest ago.
+  const auto order = [](const auto& of, const auto& its) {
+    return std::tuple(of.second.slots, of.second.used, std::string_view(of.first),
+                      its.second.asked);
+  };
+  for (auto& of : robots_) {
+    if (of.second.slots >= share) continue;
+    for (auto& its : of.second.runs) {
+      if (its.second.waiting == 0 || its.second.heard + limits_.offer < now) continue;
+      if (run == nullptr || order(of, its) < order(*robot, *run)) robot = &of, run = &its;
+    }
+  }
+  if (run == nullptr) return std::nullopt;
+  --run->second.waiting;
+  run->second.asked = now;
+  ++robot->second.slots;
+  asked_.push_back({robot->first, run->first, now});
+  return asked_.back();
+}
+
+/// The slot was its robot's since it was asked: who has many tasks that take no time has no more
+/// of it than others.
+bool Desk::answered(const std::string& name, std::uint64_t run, Nanos now) {
+  const auto asked = std::ranges::find_if(
+      asked_, [&](const Claim& each) { return each.robot == name && each.run == run; });
+  if (asked == asked_.end()) return false;
+  Robot& robot = robots_.at(name);
+  --robot.slots;
+  robot.used += now - asked->since;
+  asked_.erase(asked);
+  return true;
+}
+
+bool Desk::expects(const std::string& robot) const {
+  if (std::ranges::find(asked_, robot, &Claim::robot) != asked_.end()) return true;
+  const auto at = robots_.find(robot);
+  return has_free_slot() && at != robots_.end() &&
+         std::ranges::any_of(at->second.runs, [](const auto& each) { return each.second.late; });
+}
+
+bool Desk::take(const std::string& name, std::uint64_t run, std::uint32_t waiting, Nanos now) {
+  if (!answered(name, run, now)) {
+    Robot& robot = robot_of(name, now);
+    const auto at = robot.runs.find(run);
+    if (at == robot.runs.end() || !has_free_slot() || !std::exchange(at->second.late, false)) {
+      return false;
+    }
+  }
+  hear(name, run, waiting, now);
+  ++robots_.at(name).slots;
+  ++computing_;
+  return true;
+}
+
+void Desk::finished(const std::string& name, Nanos used, bool failed, Nanos now) {
+  --computing_;
+  Robot& robot = robots_.at(name);
+  --robot.slots;
+  robot.used += failed ? limits_.failure_costs * used : used;
+  if (failed) robot.failures.push_back(now);
+}
+
+std::string Desk::why_refused(const std::string& name, Nanos now) {
+  auto& failures = robot_of(name, now).failures;
+  while (!failures.empty() && failures.front() + limits_.failure_window <= now) {
+    failures.pop_front();
+  }
+  if (failures.size() < limits_.most_failures) return "";
+  return fmt::format(
+      "robot {}: {} of its calls ended a process of this worker within {:.0f} s; it is refused "
+      "until they are older",
+      name, failures.size(), to_s(limits_.failure_window));
+}
+
+Nanos Desk::next_wake() const {
+  return asked_.empty() ? Nanos::max() : asked_.front().since + limits_.claim;
 }
 
 WorkerLink::WorkerLink(const WorkerOptions& options, std::span<const Workload* const> workloads)
@@ -56,30 +200,36 @@ WorkerLink::WorkerLink(const WorkerOptions& options, std::span<const Workload* c
   constexpr std::int64_t kSmall = std::int64_t{8} << 20, kLarge = std::int64_t{64} << 20;
   const auto subscribe = [this](const std::string& to, std::int64_t most_bytes, auto handler) {
     connection_->subscribe(
-        to, [handler](const Incoming& m) { handler(robot_of(m.subject), m); }, most_bytes);
+        to,
+        [this, handler](const Incoming& message) {
+          const std::string robot = robot_of(message.subject);  // It may be anything.
+          try {
+            handler(robot, message.data);
+          } catch (const Error& error) {
+            const std::lock_guard lock(mutex_);
+            ++counts_.malformed;
+            connection_->note("robot " + robot + ": " + error.what());
+          }
+        },
+        most_bytes);
   };
-  const auto on_offer = [this](const std::string& robot, const Incoming& message) {
-    if (const auto offer = read<OfferMessage>(robot, message)) {
-      change([&](Nanos now) { desk_.offered(robot, offer->run, offer->waiting, now); });
-    }
+  const auto on_offer = [this](const std::string& robot, ByteView frame) {
+    const auto offer = decode_small<OfferMessage>(robot, frame);
+    change([&](Nanos now) { desk_.offered(robot, offer.run, offer.waiting, now); });
   };
   subscribe(subject("offer", "*"), kSmall, on_offer);
   subscribe(task_subject("*", instance_), kLarge,
-            [this, on_offer](const std::string& robot, const Incoming& message) {
-              const bool none = decode_as<OfferMessage>(message.data.first(std::min<std::size_t>(
-                                                            message.data.size(), 256)))
-                                    .value.has_value();
-              return none ? on_offer(robot, message) : on_task(robot, message);
+            [this, on_offer](const std::string& robot, ByteView frame) {
+              return is_frame_of<OfferMessage>(frame) ? on_offer(robot, frame)
+                                                      : on_task(robot, frame);
             });
-  subscribe(subject("cancel", "*"), kSmall,
-            [this](const std::string& robot, const Incoming& message) {
-              const auto cancel = read<CancelMessage>(robot, message);
-              const std::lock_guard lock(mutex_);
-              for (const auto& job : jobs_) {
-                if (!cancel || job->robot != robot) continue;
-                if (job->message.task == cancel->task) job->unwanted = true;
-              }
-            });
+  subscribe(subject("cancel", "*"), kSmall, [this](const std::string& robot, ByteView frame) {
+    const auto cancel = decode_small<CancelMessage>(robot, frame);
+    const std::lock_guard lock(mutex_);
+    for (const auto& job : jobs_) {
+      if (job->robot == robot && job->task.task == cancel.task) job->unwanted = true;
+    }
+  });
   for (int slot = 0; slot < options_.limits.slots; ++slot) {
     slots_.push_back(
         start_thread([this, slot](const std::stop_token& stop) { compute(stop, slot); }));
@@ -87,35 +237,27 @@ WorkerLink::WorkerLink(const WorkerOptions& options, std::span<const Workload* c
   server_ = start_thread([this](const std::stop_token& stop) { serve(stop); });
 }
 
-WorkerLink::~WorkerLink() {
+WorkerCounts WorkerLink::end() {
   stopping_ = true;
   server_ = {};  // Nothing is claimed any more.
   for (std::jthread& slot : slots_) slot.request_stop();
   slots_.clear();
-}
-
-WorkerCounts WorkerLink::counts() const {
-  const std::lock_guard lock(mutex_);
-  return counts_;
+  return counts();
 }
 
 void WorkerLink::serve(const std::stop_token& stop) {
   name_thread("pirt-worker");
   while (!stop.stop_requested()) {
     std::vector<Desk::Claim> claims;
-    Jobs running;
+    std::vector<std::shared_ptr<Job>> running;
     std::unique_lock lock(mutex_);
     const Nanos now = clock_.now();
     const bool greets = hello_at_ <= now;
-    if (greets) hello_at_ = now + options_.hello;
+    if (greets) hello_at_ = now + options_.hello, running = jobs_;
     changed_now_ = false;
     while (auto claim = desk_.claim(now)) claims.push_back(std::move(*claim));
-    Nanos wake = std::min(hello_at_, desk_.next_wake());
-    for (const auto& job : jobs_) {
-      if (job->said + options_.progress <= now) job->said = now, running.push_back(job);
-      wake = std::min(wake, job->said + options_.progress);
-    }
-    if (claims.empty() && running.empty() && !greets) {
+    if (claims.empty() && !greets) {
+      const Nanos wake = std::min(hello_at_, desk_.next_wake());
       changed_.wait_for(lock, stop, wake - now, [this] { return changed_now_; });
       continue;
     }
@@ -125,8 +267,8 @@ void WorkerLink::serve(const std::stop_token& stop) {
         connection_->publish(subject("claim", claim.robot),
                              encode(ClaimMessage{claim.run, instance_}));
       }
-      for (const auto& job : running) say(*job, {.kind = ReplyKind::kRunning});
       if (greets && connection_->is_up()) connection_->publish(kHelloSubject, hello_);
+      for (const auto& job : running) say(*job, {.kind = ReplyKind::kRunning});
     } catch (const std::exception& error) {  // Such as no memory: it goes on.
       connection_->note(error.what());
     }
@@ -135,27 +277,25 @@ void WorkerLink::serve(const std::stop_token& stop) {
 
 /// The subject is the server's, which vouches for the robot. What nobody asked for is not even
 /// read.
-void WorkerLink::on_task(const std::string& robot, const Incoming& message) {
-  bool expected = is_robot_name(robot);
+void WorkerLink::on_task(const std::string& robot, ByteView frame) {
   {
     const std::lock_guard lock(mutex_);
-    expected = expected && desk_.expects(robot);
-    counts_.malformed += expected ? 0 : 1;
+    if (!is_robot_name(robot) || !desk_.expects(robot)) {
+      ++counts_.malformed;
+      return;
+    }
   }
-  if (!expected) return;
-  auto task = decode_as<TaskMessage>(message.data);
-  if (!task.value) return drop(robot, task.problem);
   auto job = std::make_shared<Job>();
   job->robot = robot;
-  job->message = std::move(*task.value);
+  job->task = decode_as<TaskMessage>(frame);
+  job->stop = [this] { return stopping_.load(); };
   bool taken = false;
   change([&](Nanos now) {
-    const TaskMessage& said = job->message;
-    taken = !stopping_ && desk_.take(robot, said.task.run, said.waiting, now);
+    taken = !stopping_ && desk_.take(robot, job->task.task.run, job->task.waiting, now);
     // Else its robot gives it to somebody else, since nobody says that it has it.
     counts_.malformed += taken ? 0 : 1;
     if (!taken) return;
-    job->taken = job->said = now;
+    job->taken = now;
     job->refused = desk_.why_refused(robot, now);
     ++counts_.taken;
     jobs_.push_back(job);
@@ -179,104 +319,115 @@ void WorkerLink::compute(const std::stop_token& stop, int slot) {
       if (computer == nullptr) computer = options_.make_computer();
       reply = run(*computer, *job);
     } catch (const std::exception& error) {
-      reply = {.kind = ReplyKind::kFailedTry, .problem = error.what()};
+      reply = failure(error);
       gone = dynamic_cast<const ProcessGone*>(&error) != nullptr;
     }
-    finish(job, std::move(reply), gone);
+    const bool unwanted = job->unwanted;
+    // The slot is free for the next task before its robot hears of the end, and may submit one.
+    change([&](Nanos now) {
+      desk_.finished(job->robot, now - job->taken, gone, now);
+      std::erase(jobs_, job);
+      ++(unwanted ? counts_.cancelled : counts_.ended_as[static_cast<std::size_t>(reply.kind)]);
+    });
+    try {
+      if (unwanted || say(*job, reply) || stopping_) continue;
+      // Once more where there is a link again before its robot asks another worker.
+      if (connection_->wait_until_up(kLinkBack)) say(*job, std::move(reply));
+    } catch (const std::exception& error) {
+      connection_->note(error.what());
+    }
   }
 }
 
 ReplyMessage WorkerLink::run(Computer& computer, Job& job) {
-  TaskMessage& task = job.message;
+  TaskMessage& task = job.task;
   const auto is_over = [&] {
     return task.time_left && *task.time_left <= clock_.now() - job.taken;
   };
   if (stopping_) return {.kind = ReplyKind::kLater, .problem = "the worker ends"};
-  if (!job.refused.empty()) return {.kind = ReplyKind::kRefused, .problem = job.refused};
-  auto workload = admission_.admit(task);
-  if (!workload.value) return {.kind = ReplyKind::kRefused, .problem = workload.problem};
+  if (!job.refused.empty()) throw_bad_input(job.refused);
+  job.workload = admission_.admit(task);
   if (is_over() || job.unwanted) return {.kind = ReplyKind::kExpired};
   if (const auto blob = std::exchange(task.inputs.blob, {})) {
-    if (auto why = fetch(job, "in", task.task.hex(), *blob, task.inputs.bytes)) {
-      return *std::move(why);
-    }
+    task.inputs.bytes = fetch(job, "in", task.task.hex(), *blob);
     if (is_over()) return {.kind = ReplyKind::kExpired};  // Reading it took its time.
   }
-  Call call{
-      .robot = job.robot, .task = task, .workload = std::move(*workload.value), .stop = [this] {
-        return stopping_.load();
-      }};
-  ReplyMessage reply = computer.compute(call);
+  ReplyMessage reply = computer.compute(job);
   if (reply.kind == ReplyKind::kMissing && task.parameters) {  // It has not kept them.
-    Bytes bytes;
-    if (auto why = fetch(job, "par", task.parameters->digest.hex(), *task.parameters, bytes)) {
-      return *std::move(why);
-    }
-    call.parameters = bytes;
-    reply = computer.compute(call);
+    job.parameters = fetch(job, "par", task.parameters->digest.hex(), *task.parameters);
+    reply = computer.compute(job);
   }
-  if (reply.kind == ReplyKind::kDone && !job.unwanted) store_outputs(job, reply);
+  const Bytes& bytes = reply.outputs.bytes;
+  const bool fits = bytes.size() <= connection_->chunk_bytes();  // Within the reply.
+  if (reply.kind != ReplyKind::kDone || job.unwanted || fits) return reply;
+  const Blob blob{digest_of(bytes), bytes.size(), connection_->blob_chunk_bytes()};
+  const std::string name = fmt::format("{}-{}", task.task.hex(), task.send);
+  const std::string problem = put_blob(*connection_, blob_subject(job.robot, "out", name), blob,
+                                       bytes, [&] { return stopping_ || job.unwanted; });
+  if (!problem.empty()) {
+    throw NotDone(ReplyKind::kLater, "its outputs could not be stored: " + problem);
+  }
+  reply.outputs = {{}, blob};
   return reply;
 }
 
-std::optional<ReplyMessage> WorkerLink::fetch(const Job& job, std::string_view what,
-                                              const std::string& name, const Blob& blob,
-                                              Bytes& bytes) {
+Bytes WorkerLink::fetch(const Job& job, std::string_view what, const std::string& name,
+                        const Blob& blob) {
+  // Over the slowest link that carries anything.
+  constexpr std::uint64_t kLeastBytesPerS = 128 << 10;
+  const auto moving = static_cast<std::int64_t>(blob.size_bytes / kLeastBytesPerS);
+  const Nanos until = clock_.now() + options_.fetch + std::chrono::seconds(moving);
   auto answer = fetch_blob(*connection_, blob_subject(job.robot, what, name), blob,
-                           [&, until = clock_.now() + options_.fetch] {
-                             return stopping_ || job.unwanted || clock_.now() >= until;
-                           });
-  if (answer.came && answer.status == 0) {
-    bytes = std::move(answer.data);
-    return std::nullopt;
-  }
-  return ReplyMessage{
-      .kind = answer.came ? ReplyKind::kMissing : ReplyKind::kLater,
-      .problem = fmt::format("{} {}", what == "par" ? "its parameters" : "its inputs",
-                             answer.came ? "are not on the server" : "could not be read there")};
-}
-
-/// Within the reply where they fit.
-void WorkerLink::store_outputs(const Job& job, ReplyMessage& reply) {
-  const Bytes& bytes = reply.outputs.bytes;
-  if (bytes.size() <= connection_->chunk_bytes()) return;
-  const Blob blob{digest_of(bytes), bytes.size(), connection_->blob_chunk_bytes()};
-  const std::string name = fmt::format("{}-{}", job.message.task.hex(), job.message.send);
-  const std::string problem = put_blob(*connection_, blob_subject(job.robot, "out", name), blob,
-                                       bytes, [&] { return stopping_ || job.unwanted; });
-  reply.outputs = {{}, blob};
-  if (!problem.empty()) {
-    reply = {.kind = ReplyKind::kLater, .problem = "its outputs could not be stored: " + problem};
-  }
+                           [&] { return stopping_ || job.unwanted || clock_.now() >= until; });
+  if (answer.came && answer.status == 0) return std::move(answer.data);
+  throw NotDone(answer.came ? ReplyKind::kMissing : ReplyKind::kLater,
+                fmt::format("{} {}", what == "par" ? "its parameters" : "its inputs",
+                            answer.came ? "are not on the server" : "could not be read there"));
 }
 
 bool WorkerLink::say(const Job& job, ReplyMessage reply) {
-  reply.task = job.message.task;
-  reply.send = job.message.send;
+  reply.task = job.task.task;
+  reply.send = job.task.send;
   reply.worker = options_.name;
   return connection_->publish(subject("answer", job.robot), encode(reply));
 }
 
-/// The slot is free for the next task before its robot hears of the end, and may submit one.
-void WorkerLink::finish(const std::shared_ptr<Job>& job, ReplyMessage reply, bool gone) {
-  const bool unwanted = job->unwanted;
-  change([&](Nanos now) {
-    desk_.finished(job->robot, now - job->taken, gone, now);
-    jobs_.remove(job);
-    ++(unwanted ? counts_.cancelled : counts_.ended_as[static_cast<std::size_t>(reply.kind)]);
-  });
-  try {
-    if (unwanted || say(*job, reply) || stopping_) return;
-    // Once more when there is a link again.
-    for (int looks = 0; looks < 100 && !stopping_; ++looks) {
-      if (connection_->wait_until_up(std::chrono::milliseconds(100))) {
-        say(*job, std::move(reply));
-        return;
+void serve(const WorkerOptions& options, std::span<const Workload* const> workloads,
+           const std::function<bool()>& stop, const std::function<void(const std::string&)>& say) {
+  WorkerLink worker(options, workloads);
+  Connection& connection = worker.connection();
+  const std::string server = public_url(options.connection.server);
+  const MachineClock clock;
+  Nanos quiet_until = clock.now() + kSettling;
+  bool was_up = false, was_ever_up = false;
+  std::string said;
+  while (!stop()) {
+    const bool up = connection.is_up();
+    if (up != was_up) {
+      say((up ? "connected to " : "lost ") + server);
+      was_up = up;
+      quiet_until = clock.now() + kSettling;
+      if (up) look_at_server(connection, say, was_ever_up);
+      if (up && !std::exchange(was_ever_up, true)) {
+        say(fmt::format("worker {} with {} slot{}", options.name, options.limits.slots,
+                        options.limits.slots == 1 ? "" : "s"));
       }
     }
-  } catch (const std::exception& error) {
-    connection_->note(error.what());
+    std::string why = up ? connection.problem() : connection.why_down();
+    if (why != said && clock.now() >= quiet_until) {
+      if (!why.empty()) say(up ? why : server + ": " + why);
+      quiet_until = clock.now() + kQuiet;
+      said = std::move(why);
+    }
+    std::this_thread::sleep_for(kLook);
   }
+  const WorkerCounts counts = worker.end();
+  const auto& [done, failed, refused, missed, returned, expired, running] = counts.ended_as;
+  say(fmt::format(
+      "{} taken, {} done, {} failed, {} refused, {} missed, {} returned, {} expired, {} cancelled, "
+      "{} malformed",
+      counts.taken, done, failed, refused, missed, returned, expired, counts.cancelled,
+      counts.malformed));
 }
 
 }  // namespace pirt::cloud

@@ -1,12 +1,25 @@
-// What robots and workers send each other, byte by byte. Knows no connection and no clock.
+// What robots and workers send each other, byte by byte, and where. Knows no connection and no
+// clock. The server's permissions bind a robot to the subjects of its name; only blobs are stored.
+//
+//     pirt.hello                        worker -> robots    what it knows; that it lives
+//     pirt.offer.ROBOT                  robot -> workers    how many tasks wait there
+//     pirt.claim.ROBOT                  worker -> robot     it wants one of them
+//     pirt.task.ROBOT.WORKER            robot -> worker     a task, or an offer: there is none
+//                                       (WORKER: its instance in hexadecimal digits)
+//     pirt.answer.ROBOT                 worker -> robot     that it has it; what became of it
+//     pirt.cancel.ROBOT                 robot -> workers    nobody wants it any more
+//     pirt.blob.ROBOT.in.TASK.N         robot -> workers    stream PIRT_ROBOT, its own:
+//     pirt.blob.ROBOT.par.DIGEST.N      robot -> workers    what is larger than a message
+//     pirt.blob.ROBOT.out.TASK-SEND.N   worker -> robot
 //
 // A frame, little endian:
 //     "pNET"  u16 protocol  u8 kind  u8 0  u64 length of the body  8 bytes: SHA-256 of the body
 //     body: the fields of the message, in order (wire.cpp)
-// Nothing that comes in is trusted: every length is checked against what is there, every count and
-// text against a limit, before anything is allocated. What does not fit is no message, with a
-// reason.
+// Nothing that comes in is trusted: every length, count and text is checked before anything is
+// allocated. Tensors are read by the specs of a workload that the reader knows, or makes itself.
 #pragma once
+
+#include <fmt/core.h>
 
 #include <array>
 #include <compare>
@@ -15,17 +28,18 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "workloads/base/time.h"
+#include "workloads/model/workload.h"
 
 namespace pirt::cloud {
 
 using Bytes = std::vector<std::byte>;
 using ByteView = std::span<const std::byte>;
 
-/// SHA-256: names what is sent by its content, and finds damage. Whoever shares a cache with others
-/// needs one that nobody can aim at.
+/// SHA-256, which nobody can aim at: names what is sent by its content, and finds damage.
 struct Digest {
   std::array<std::uint8_t, 32> bytes{};
 
@@ -38,6 +52,8 @@ struct Digest {
 
 /// Another one is not read; 1 had its tasks on a stream.
 inline constexpr std::uint16_t kProtocol = 2;
+/// No task takes or waits longer: what follows from sums of a few is in range.
+inline constexpr Nanos kLongest = std::chrono::hours(24 * 366);
 
 /// One task of one robot: a run of its program, and a number in it.
 struct TaskId {
@@ -71,7 +87,15 @@ struct Payload {
   [[nodiscard]] std::uint64_t size_bytes() const { return blob ? blob->size_bytes : bytes.size(); }
 };
 
-// Each message has its kind, as the frame says it.
+/// A workload as it travels.
+struct Kind {
+  std::string name = {};                 ///< Of the workload that whoever reads it knows.
+  std::vector<std::int64_t> sizes = {};  ///< What its maker takes: a picture's width and height, or
+                                         ///< images a call; empty = made in one size.
+  /// What whoever knows it announces; absent = of sizes that do not tell. Not sent.
+  std::optional<Digest> known_by = {};
+};
+[[nodiscard]] Kind kind_of(const Workload& workload);
 
 /// How many tasks a run of a robot's program has waiting: a worker may ask for one. Robots are told
 /// by the subject, which the server vouches for.
@@ -95,9 +119,7 @@ struct TaskMessage {
   std::uint32_t send = 1;               ///< How often it was handed out, this time included.
   std::uint32_t waiting = 0;            ///< As OfferMessage, without this one.
   std::optional<Nanos> time_left = {};  ///< To its deadline, as it was sent; absent = none.
-  std::string workload = {};
-  /// Of one's own, as the kind's maker takes them; else empty.
-  std::vector<std::int64_t> sizes = {};
+  Kind kind = {};
   Digest spec = {};                     ///< spec_digest of the workload, as the robot knows it.
   std::optional<Blob> parameters = {};  ///< Absent if the workload has none.
   Payload inputs = {};                  ///< encode_tensors.
@@ -145,17 +167,59 @@ struct HelloMessage {
   std::vector<Known> workloads = {};
 };
 
-/// What was read, or why not.
-template <typename T>
-struct Decoded {
-  std::optional<T> value;
-  std::string problem;  ///< One line; empty if there is a value.
-};
-
 /// @param message  One of those above.
 template <typename T>
 [[nodiscard]] Bytes encode(const T& message);
+/// @throws Error{kBadInput} for what is no such message.
 template <typename T>
-[[nodiscard]] Decoded<T> decode_as(ByteView frame);
+[[nodiscard]] T decode_as(ByteView frame);
+/// What a frame says that it is: reading it may show that it is none.
+template <typename T>
+[[nodiscard]] bool is_frame_of(ByteView frame) {
+  constexpr std::size_t kKindAt = 6;
+  return frame.size() > kKindAt && frame[kKindAt] == std::byte{T::kKind};
+}
+
+/// The rows that they have.
+[[nodiscard]] Bytes encode_tensors(std::span<const Tensor> tensors);
+/// At most so many bytes encode_tensors makes of these; fewer only where lists are not full.
+[[nodiscard]] std::uint64_t encoded_bytes(std::span<const TensorSpec> specs);
+/// @param specs  Of the tensors that are expected.
+/// @throws Error{kBadInput} for all others, values out of their ranges, and numbers that are none.
+[[nodiscard]] std::vector<Tensor> decode_tensors(ByteView bytes, std::span<const TensorSpec> specs);
+/// Into tensors that are there; with an error they are as they were.
+void decode_tensors_into(ByteView bytes, std::span<Tensor> tensors);
+
+/// Of all that has to be the same for two programs to mean the same computation: kernel, variant,
+/// precision, batch, the specs of its tensors, and a user's models.
+[[nodiscard]] Digest spec_digest(const Workload& workload);
+
+inline constexpr const char* kHelloSubject = "pirt.hello";
+
+/// Letters, digits, _ and -, at most 64 of them: what a robot's name may be.
+[[nodiscard]] bool is_robot_name(std::string_view name);
+/// @throws Error{kBadInput} for another one.
+void check_robot_name(std::string_view name);
+
+/// @param what  offer, claim, answer, cancel.
+[[nodiscard]] inline std::string subject(std::string_view what, std::string_view robot) {
+  return fmt::format("pirt.{}.{}", what, robot);
+}
+[[nodiscard]] inline std::string task_subject(std::string_view robot, std::uint64_t worker) {
+  return fmt::format("pirt.task.{}.{:x}", robot, worker);
+}
+[[nodiscard]] inline std::string blob_stream(std::string_view robot) {
+  return "PIRT_" + std::string(robot);
+}
+/// Where the chunks of a blob lie; each adds "." and its number. @param what  in, par, out.
+[[nodiscard]] inline std::string blob_subject(std::string_view robot, std::string_view what,
+                                              std::string_view name) {
+  return fmt::format("pirt.blob.{}.{}.{}", robot, what, name);
+}
+/// The third part of a subject.
+[[nodiscard]] inline std::string robot_of(std::string_view subject) {
+  subject.remove_prefix(subject.find('.', subject.find('.') + 1) + 1);
+  return std::string(subject.substr(0, subject.find('.')));
+}
 
 }  // namespace pirt::cloud
