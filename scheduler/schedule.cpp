@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <utility>
 
 #include "scheduler/bounds/bounds.h"
@@ -21,6 +22,7 @@
 #include "scheduler/trace/trace_writer.h"
 #include "scheduler/virtual/virtual_time.h"
 #include "workloads/base/error.h"
+#include "workloads/base/hash.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -106,6 +108,33 @@ void add_guarantees(const Scenario& scenario, const PolicySetup& setup, RunRecor
   }
 }
 
+/// The same for each copy of the database.
+std::string profile_hash(const Profile& profile) {
+  Hash64 hash;
+  for (const RunInfo& run : profile.runs) {
+    hash.add(static_cast<std::uint64_t>(run.run_id)).add(run.started);
+  }
+  return fmt::format("{:016x}", hash.value());
+}
+
+std::vector<std::string> besides_of(const ScheduleOptions& options, const Profile* profile) {
+  std::vector<std::string> flags;
+  if (!options.without.empty()) flags.push_back("--without " + join(options.without, ","));
+  if (options.strict) flags.emplace_back("--strict");
+  const auto is_estimated = [](const PhaseRow& row) {  // As add_estimate notes.
+    return std::ranges::any_of(
+        row.notes, [](const std::string& note) { return note.starts_with("estimated through"); });
+  };
+  if (profile != nullptr && std::ranges::any_of(profile->phases, is_estimated)) {
+    flags.emplace_back("--estimate");
+  }
+  if (options.faults) {
+    flags.push_back(fmt::format("--faults seed={},fail={},return={}", options.faults->seed,
+                                options.faults->failing, options.faults->returning));
+  }
+  return flags;
+}
+
 std::vector<PlanRow> planned_tasks(const Scenario& scenario, const MixPlan& plan) {
   std::vector<PlanRow> tasks;
   for (const auto& pipeline : scenario.mix.pipelines) {
@@ -177,7 +206,13 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
   if (tally.tasks.suspended > 0) record.suspensions = tally.tasks.suspended;
   if (profile != nullptr) record.draw = to_string(options.draw);
   // Of a redrawn run only its figures are asked for.
-  if (!options.redraw) record.bounds = bounds_of(scenario, mode.policy.cloud_use, record);
+  if (!options.redraw) {
+    record.bounds = bounds_of(scenario, mode.policy.cloud_use, record);
+    record.platform_hash = platform_hash(named);
+    if (profile != nullptr) record.profile_hash = profile_hash(*profile);
+    record.besides = besides_of(options, profile);
+    record.slices = options.slices;
+  }
   if (!setup.policy_setup.plan.entries.empty() && mix.fires_once()) {
     record.planned_makespan_s = to_s(setup.policy_setup.plan.makespan);
     record.plan = planned_tasks(scenario, setup.policy_setup.plan);

@@ -1,6 +1,7 @@
 // Finding platforms: shipped ones are embedded in the binary, others are files.
 #include "characterize/platform/platform.h"
 
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,6 +14,7 @@
 #include "characterize/platform/platform_file.h"
 #include "platform_files.h"
 #include "workloads/base/error.h"
+#include "workloads/base/hash.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/system/cores.h"
 #include "workloads/base/text/text.h"
@@ -30,6 +32,7 @@ Platform read(const std::string& file, const std::string& text,
   Platform platform = read_platform(document, machine);
   platform.text = document.dump() + "\n";
   for (const YamlOverride& each : overrides) {
+    platform.settings.push_back(each.path + "=" + each.value);
     const auto dot = each.path.find('.');
     const std::string key = each.path.substr(dot + 1);
     const auto unit = std::ranges::find(platform.units, each.path.substr(0, dot), &UnitModel::name);
@@ -147,6 +150,10 @@ std::vector<std::string> shipped_platforms() {
   }
   std::ranges::sort(names);
   return names;
+}
+
+std::string platform_hash(const Platform& platform) {
+  return fmt::format("{:016x}", Hash64().add(platform.text).value());
 }
 
 std::vector<int> usable_cores() {

@@ -122,6 +122,7 @@ struct Platform {
   std::string name;
   std::string argument;  ///< What load_platform was given: the name, or a file. For messages.
   std::string text;      ///< The YAML that it was read from, with what was set besides.
+  std::vector<std::string> settings;  ///< That: "cpu.active_w=15".
   std::string description;
   std::string assumptions;  ///< Printed beside modelled energy; e.g. where the watts come from.
   std::vector<UnitModel> units;  ///< In file order; ties between units break by it.
@@ -164,6 +165,8 @@ inline constexpr std::string_view kOfItsDevice = " of its device, only of the ho
                                         const std::vector<YamlOverride>& overrides);
 
 [[nodiscard]] std::vector<std::string> shipped_platforms();
+/// Of its text, which may lie anywhere.
+[[nodiscard]] std::string platform_hash(const Platform& platform);
 /// Cores that this process may run on.
 [[nodiscard]] std::vector<int> usable_cores();
 /// @p cores of a unit; all usable ones where its platform names none.

@@ -156,7 +156,7 @@ ModeAnswer answer_of(const ModeRuns& modes) {
     if (comparable(run, modes.runs.front())) continue;
     answer.sentence = fmt::format(
         "NOT COMPARABLE, so that no mode is named: {} ran {} on {} in {} time, {} ran {} on {} in "
-        "{} time, or their profile, draw, duration or seed differ.",
+        "{} time, or what was set of them, profile, draw, duration or seed differ.",
         modes.runs.front().mode, modes.runs.front().mix, modes.runs.front().platform,
         modes.runs.front().time, run.mode, run.mix, run.platform, run.time);
     return answer;

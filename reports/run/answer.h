@@ -34,7 +34,7 @@ namespace pirt {
 [[nodiscard]] std::vector<const RunRecord*> best_by_tail(std::span<const RunRecord* const> among,
                                                          std::span<const RunRecord> runs);
 
-/// Whether their figures may be ranked: same platform, mix, profile, draw, duration, seed and time.
+/// Whether their figures may be ranked: they ran the same, by the same time.
 [[nodiscard]] bool comparable(const RunRecord& a, const RunRecord& b);
 
 struct ModeAnswer {

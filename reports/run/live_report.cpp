@@ -241,14 +241,21 @@ std::string_view to_string(RowFinding finding) {
 
 std::vector<LiveRun> live_runs(std::span<const RunRecord> runs) {
   const auto what = [](const RunRecord& run) {
-    return std::tie(run.mode, run.basic, run.platform, run.mix, run.duration_s, run.in_flight);
+    return std::tie(run.mode, run.basic, run.mix, run.duration_s, run.in_flight, run.objective,
+                    run.min_rate_per_ms, run.power_cap_w, run.overflow);
+  };
+  // A database may have got more rows since, and a copy lies elsewhere.
+  const auto of_another_profile = [](const RunRecord& a, const RunRecord& b) {
+    return a.profile_hash && b.profile_hash && a.profile_hash != b.profile_hash &&
+           a.profile_file != b.profile_file;
   };
   std::vector<LiveRun> found;
   for (const RunRecord& live : runs) {
     if (!live.is_live()) continue;
     LiveRun each{.live = &live, .predictions = {}};
     for (const RunRecord& run : runs) {
-      if (!run.is_live() && what(run) == what(live)) each.predictions.push_back(&run);
+      if (run.is_live() || what(run) != what(live) || !on_same_machine(run, live)) continue;
+      if (!of_another_profile(run, live)) each.predictions.push_back(&run);
     }
     found.push_back(std::move(each));
   }

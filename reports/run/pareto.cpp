@@ -12,6 +12,7 @@
 #include "scheduler/record/interval.h"
 #include "scheduler/record/keeping_up.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
@@ -117,15 +118,39 @@ Mark mark_of(const ModePoint& point, double y) {
           .provenance = provenance_of(*point.run)};
 }
 
+/// That of the runs that have one, where it is the same; else absent.
+template <typename T>
+std::optional<T> common(const std::vector<ModePoint>& points, std::optional<T> RunRecord::*value) {
+  std::optional<T> found;
+  for (const ModePoint& point : points) {
+    const std::optional<T>& its = point.run->*value;
+    if (found && its && *found != *its) return std::nullopt;
+    if (its) found = its;
+  }
+  return found;
+}
+
 /// What makes the points again.
 std::string points_command(const std::vector<ModePoint>& points) {
   const RunRecord& first = *points.front().run;
-  std::string command = compare_command(first);
+  const auto is_same = [&](auto RunRecord::*value) {
+    return std::ranges::all_of(
+        points, [&](const ModePoint& point) { return point.run->*value == first.*value; });
+  };
+  std::vector<std::string> modes;
+  for (const ModePoint& point : points) {
+    if (std::ranges::find(modes, point.run->mode) == modes.end()) modes.push_back(point.run->mode);
+  }
+  RunRecord asked;  // For, of all of them.
+  asked.basic = common(points, &RunRecord::basic);
+  asked.objective = common(points, &RunRecord::objective);
+  asked.min_rate_per_ms = common(points, &RunRecord::min_rate_per_ms);
+  asked.power_cap_w = common(points, &RunRecord::power_cap_w);
+  asked.overflow = common(points, &RunRecord::overflow);
   // Where they differ, each has as many as its mode or its platform wants.
-  const bool equal = std::ranges::all_of(
-      points, [&](const ModePoint& point) { return point.run->in_flight == first.in_flight; });
-  if (equal && first.in_flight) command += fmt::format(" --in-flight {}", *first.in_flight);
-  return command;
+  if (is_same(&RunRecord::in_flight)) asked.in_flight = first.in_flight;
+  if (is_same(&RunRecord::slices)) asked.slices = first.slices;
+  return compare_command(first, join(modes, ",")) + flags_of(asked);
 }
 
 Chart rate_chart(const std::vector<ModePoint>& points) {

@@ -409,6 +409,13 @@ void add_pipeline(ModesTable& table, const std::string& name) {
   });
 }
 
+/// What distinguishes it from the platform of that name: " (cpu.active_w=15, --without gpu)".
+std::string changes_of(const RunRecord& run) {
+  std::vector<std::string> changes = run.settings;
+  changes.insert(changes.end(), run.besides.begin(), run.besides.end());
+  return changes.empty() ? "" : " (" + join(changes, ", ") + ")";
+}
+
 bool has_one_time(std::span<const RunRecord> runs) {
   return std::ranges::all_of(runs, [&](const RunRecord& run) { return run.time == runs[0].time; });
 }
@@ -422,7 +429,8 @@ std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
   if (!std::ranges::all_of(runs, as_first)) {
     for (const auto& run : runs) {
       add(fmt::format(
-          "NOT COMPARABLE: {} ran {} on {}, seed {}{}{}", run.mode, run.mix, run.platform, run.seed,
+          "NOT COMPARABLE: {} ran {} on {}{}, seed {}{}{}", run.mode, run.mix, run.platform,
+          changes_of(run), run.seed,
           run.duration_s ? fmt::format(", {} s", figure(*run.duration_s)) : "",
           run.profile ? ", profile " + *run.profile + ", " + run.draw.value_or("median") : ""));
     }
@@ -476,11 +484,16 @@ Document run_document(const RunRecord& run) {
   return document;
 }
 
+bool on_same_machine(const RunRecord& a, const RunRecord& b) {
+  const bool same_text = !a.platform_hash || !b.platform_hash || a.platform_hash == b.platform_hash;
+  return a.platform == b.platform && same_text && a.besides == b.besides;
+}
+
 bool ran_the_same(const RunRecord& a, const RunRecord& b) {
-  const auto key = [](const RunRecord& r) {
-    return std::tie(r.platform, r.mix, r.profile, r.draw, r.duration_s, r.seed);
-  };
-  return key(a) == key(b);
+  const auto key = [](const RunRecord& r) { return std::tie(r.mix, r.draw, r.duration_s, r.seed); };
+  const bool same_profile =
+      a.profile_hash && b.profile_hash ? a.profile_hash == b.profile_hash : a.profile == b.profile;
+  return on_same_machine(a, b) && key(a) == key(b) && same_profile;
 }
 
 std::int64_t dropped_tasks(const RunRecord& run) {
@@ -552,13 +565,20 @@ std::string scenario_flags(const RunRecord& run) {
   };
   std::string flags;
   if (run.profile) {
-    flags +=
-        " --profile " + path_in_shell((std::filesystem::current_path() / *run.profile).string());
+    // Records of before have it as it was typed.
+    const auto file = std::filesystem::current_path() / run.profile_file.value_or(*run.profile);
+    flags += " --profile " + path_in_shell(file.string());
   }
-  flags += " --platform " + name(run.platform, run.platform_file);
+  // One that was imported is in its database alone.
+  const auto shipped = shipped_platforms();
+  const bool is_named =
+      run.platform_file || std::ranges::find(shipped, run.platform) != shipped.end();
+  if (is_named || !run.profile) flags += " --platform " + name(run.platform, run.platform_file);
+  for (const std::string& setting : run.settings) flags += " --set " + in_shell(setting);
   flags += " --mix " + name(run.mix, run.mix_file);
   // To the last digit: only a run of just that duration is held beside it.
   if (run.duration_s) flags += fmt::format(" --duration {}s", *run.duration_s);
+  for (const std::string& flag : run.besides) flags += " " + flag;
   return flags;
 }
 
@@ -570,6 +590,7 @@ std::string flags_of(const RunRecord& run) {
   if (run.min_rate_per_ms) flags += fmt::format(" --min-rate {}", *run.min_rate_per_ms);
   if (run.power_cap_w) flags += fmt::format(" --power-cap {}W", *run.power_cap_w);
   if (run.overflow == "literal") flags += " --overflow literal";
+  if (run.slices) flags += *run.slices ? " --slices on" : " --slices off";
   if (run.draw.value_or("median") != "median") flags += " --draw " + *run.draw;
   return flags;
 }

@@ -32,7 +32,9 @@ struct RunMarks {
 /// What one run did: totals, units, pipelines, weights, and what its figures rest on.
 [[nodiscard]] Document run_document(const RunRecord& run);
 
-/// Whether they ran the same, by whatever time: platform, mix, profile, draw, duration, seed.
+/// Whether the platforms are the same, with what was set of them and left out.
+[[nodiscard]] bool on_same_machine(const RunRecord& a, const RunRecord& b);
+/// Whether they ran the same, by whatever time: machine, mix, profile, draw, duration, seed.
 [[nodiscard]] bool ran_the_same(const RunRecord& a, const RunRecord& b);
 
 /// Tasks that were dropped or expired, but for those of the first firings, which have no

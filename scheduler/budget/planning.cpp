@@ -69,7 +69,7 @@ std::optional<double> most_per_ms(const ModeSetup& setup) {
 struct TrialResult : TriedPlan {
   std::int64_t queued = 0;     ///< Of the late ones, those without a deadline.
   std::int64_t misses = 0;     ///< Of all deadlines; firings that were dropped, too.
-  std::int64_t never_ran = 0;  ///< Pipelines.
+  std::int64_t never_ran = 0;  ///< Pipelines; with those that had time and ended none.
   std::int64_t completed = 0;  ///< Tasks.
 };
 
@@ -94,16 +94,18 @@ class Trial {
   Trial(const ModeSetup& setup, const Extent& extent, bool slices = true)
       : setup_(setup), mix_(setup.scenario.mix), joules_known_(joules_known(setup)) {
     const Scenario& run = setup.scenario;
-    std::optional<double> beside;  // With closed loops beside rates, which go on to the end.
+    std::optional<double> beside;  // With closed loops beside rates, while these go on.
+    double loops = 0;              // Tasks that they have in all.
     if (mix_.open_loop() && std::ranges::max(run.in_flight) > 0) beside = most_per_ms(setup);
     for (Pipeline& pipeline : mix_.pipelines) {
       if (pipeline.rate_hz && pipeline.offset < run.duration) {
         pipeline.offset %= from_s(1 / *pipeline.rate_hz);  // Of the same phase, from the begin on.
       }
       if (!pipeline.frames) continue;
+      const auto tasks = static_cast<double>(pipeline.tasks.size());
+      loops += static_cast<double>(*pipeline.frames) * tasks;
       const auto most =
-          static_cast<std::int64_t>((beside ? 2 * extent.most_times : 1) * extent.tasks /
-                                    static_cast<double>(pipeline.tasks.size()));
+          static_cast<std::int64_t>((beside ? 2 * extent.most_times : 1) * extent.tasks / tasks);
       pipeline.frames =
           std::clamp<std::int64_t>(*pipeline.frames, 1, std::max<std::int64_t>(1, most));
     }
@@ -117,8 +119,12 @@ class Trial {
                                .slices = run.slices});
     if (!slices) scenario_->keep_calls_whole();
     if (!mix_.open_loop()) return;
-    const double rate = std::max(task_rate(mix_), beside.value_or(0) * 1e3);
-    end_after(extent.tasks / rate, extent.most_times);
+    const double rated = task_rate(mix_);
+    const double rate = std::max(rated, beside.value_or(0) * 1e3);
+    const auto lasts_s = [&](double tasks) {  // Loops that are over leave the time to the rates.
+      return std::max(tasks / rate, loops < tasks ? (tasks - loops) / rated : 0);
+    };
+    end_after(lasts_s(extent.tasks), lasts_s(extent.most_times * extent.tasks));
   }
 
   TrialResult run(const BudgetChoice& choice) {
@@ -143,10 +149,14 @@ class Trial {
     result.misses = record.stalled;
     result.queued = real_time_queued(record);
     result.late = record.stalled + real_time_losses(record) + result.queued;
-    for (const PipelineResult& pipeline : record.pipelines) {
-      result.never_ran += pipeline.never_ran.value_or(false) ? 1 : 0;
+    for (std::size_t p = 0; p < record.pipelines.size(); ++p) {
+      const PipelineResult& pipeline = record.pipelines[p];
+      const auto& first = choice.plan.tasks[scenario_->classes[p].front().entry];
+      const bool has_time = mix_.pipelines[p].offset + first.way() < scenario_->duration;
+      const bool waits = has_time && pipeline.completed == 0 && pipeline.queued.value_or(0) > 0;
+      result.never_ran += waits || pipeline.never_ran.value_or(false) ? 1 : 0;
       if (!pipeline.deadline_ms) continue;
-      result.misses += *pipeline.deadline_misses + pipeline.dropped;
+      result.misses += *pipeline.deadline_misses + shortfall_of(pipeline).dropped;
     }
     return result;
   }
@@ -155,9 +165,10 @@ class Trial {
   [[nodiscard]] std::int64_t tasks_run() const { return tasks_run_; }
 
  private:
-  /// So long at least, and until all with a deadline have fired and have had to end once; what has
-  /// none and fires later does so in the first half, so that it is seen what comes of it.
-  void end_after(double least_s, double most_times) {
+  /// So long at least, and until all with a deadline have fired and have had to end once, or for
+  /// the most; what fires later does so in the first half, if it has to end in as much again, so
+  /// that it is seen what comes of it.
+  void end_after(double least_s, double most_s) {
     const Nanos whole = scenario_->duration;
     double seen_s = 0;
     for (const Pipeline& pipeline : mix_.pipelines) {
@@ -165,11 +176,15 @@ class Trial {
       const double ends_s = to_s(*pipeline.deadline + pipeline.jitter) + 1e-6;
       seen_s = std::max(seen_s, to_s(pipeline.offset) + std::max(1 / *pipeline.rate_hz, ends_s));
     }
-    const double horizon_s = std::min(std::clamp(seen_s, least_s, most_times * least_s), 60.0);
+    const double horizon_s = std::min(std::clamp(seen_s, least_s, most_s), 60.0);
     scenario_->duration = std::min(whole, from_s(horizon_s));
+    const Nanos half = scenario_->duration / 2;
     for (Pipeline& pipeline : mix_.pipelines) {
-      if (!pipeline.rate_hz || pipeline.deadline || pipeline.offset >= whole) continue;
-      if (pipeline.offset >= scenario_->duration) pipeline.offset %= scenario_->duration / 2;
+      if (!pipeline.rate_hz || pipeline.offset >= whole) continue;
+      const Nanos needs =
+          pipeline.deadline ? *pipeline.deadline + pipeline.jitter + Nanos(1) : Nanos::zero();
+      if (needs > half || pipeline.offset + needs < scenario_->duration) continue;
+      pipeline.offset %= half;
     }
   }
 

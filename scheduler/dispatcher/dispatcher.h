@@ -83,7 +83,7 @@ class Dispatcher {
   // A `now` before that of an earlier call is taken as that one: callers on several threads read
   // their clock before they wait for their turn. Each input first expires what should have started
   // before `now`; at its last moment a task may still start. An input that makes no sense is
-  // refused: it changes nothing, is counted, and its caller hears `false`.
+  // refused: it changes nothing, and its caller hears `false`.
 
   /// Registers the tasks of a firing (Effects::submitted), and then places those that are ready.
   /// Absent if refused: a task that comes after itself or a later one of @p tasks, or that no unit
@@ -131,8 +131,6 @@ class Dispatcher {
 
   [[nodiscard]] const TaskCounts& counts() const { return counts_; }
   [[nodiscard]] const Policy& policy() const { return *policy_; }
-  /// Inputs that were refused.
-  [[nodiscard]] std::int64_t refused() const { return refused_; }
   /// Q of the paper: tasks queued and running on the unit.
   [[nodiscard]] int load(UnitId unit) const { return load_[unit]; }
   /// Without those that are suspended.
@@ -144,6 +142,9 @@ class Dispatcher {
   void list_waiting(std::vector<int>& waiting) const;
   /// Absent if the task is done or unknown.
   [[nodiscard]] std::optional<TaskState> state(TaskId task) const;
+  /// When the task is taken back, if it has not ended; absent if it never is, as where nobody else
+  /// would take it.
+  [[nodiscard]] std::optional<Recall> recall(TaskId task) const;
   /// What takes memory.
   [[nodiscard]] std::size_t known_tasks() const { return tasks_.tasks(); }
   [[nodiscard]] std::size_t known_firings() const { return tasks_.firings(); }
@@ -187,6 +188,7 @@ class Dispatcher {
   }
   void expire_watched(Nanos before, Effects& out);
   void take_back(TaskSlot slot, Effects& out);
+  [[nodiscard]] TaskClass once_back(TaskSlot slot, const TaskTies& ties) const;
   void settle(Effects& out);
   void take_news(Effects& out);
   void make_ready(TaskSlot slot, bool alone);
@@ -238,7 +240,6 @@ class Dispatcher {
   std::vector<TaskSlot> urgent_;    ///< Of let_in,
   std::vector<int> shown_;          ///< and the loads that a policy sees then.
   TaskCounts counts_;
-  std::int64_t refused_ = 0;
   Nanos ask_again_ = Nanos::max();  ///< The policy's wish, while something is held.
   Nanos next_wake_ = Nanos::max();
   Nanos now_ = Nanos::min();
@@ -260,7 +261,6 @@ bool Dispatcher::take(DispatcherInput input, Nanos now, Effects& out, const Body
     resumed = out.resumed.size();
   }
   const bool taken = body(input);
-  if (!taken) ++refused_;
   if (observer_ != nullptr) {
     observer_->on_input(input, {.taken = taken,
                                 .submitted = std::span(out.submitted).subspan(submitted),

@@ -1,5 +1,6 @@
 // What becomes of tasks whose unit does not complete them: it gives them back, they are wanted back
 // in time, or it is away.
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -35,10 +36,9 @@ void Dispatcher::give_back(TaskSlot slot, UnitId unit, Effects& out) {
 void Dispatcher::take_back(TaskSlot slot, Effects& out) {
   TaskRecord& record = tasks_[slot];
   TaskTies& ties = tasks_.tie(slot);
-  TaskClass kind = waiting_.class_at(slot).kind;
   const UnitMask from = ties.recall->from;
-  kind.eligible &= ~(from | ties.returned_by | gone_);
-  if (is_over(record.state) || policy_->takers(kind, kind.eligible) == 0) return;
+  const TaskClass kind = once_back(slot, ties);
+  if (is_over(record.state) || kind.eligible == 0) return;
   ties.returned_by |= from;  // It goes there no more.
   const bool placed = record.state == TaskState::kRunning || record.state == TaskState::kQueued;
   const bool there = placed && contains(from, record.unit);
@@ -52,6 +52,22 @@ void Dispatcher::take_back(TaskSlot slot, Effects& out) {
   if (!waits) return;
   waiting_.forget_refusals();
   waiting_.hold(slot);
+}
+
+/// The class of the task, which has a recall, once it is taken back; of no unit if nobody else
+/// would take it.
+TaskClass Dispatcher::once_back(TaskSlot slot, const TaskTies& ties) const {
+  TaskClass kind = waiting_.class_at(slot).kind;
+  kind.eligible &= ~(ties.recall->from | ties.returned_by | gone_);
+  if (policy_->takers(kind, kind.eligible) == 0) kind.eligible = 0;
+  return kind;
+}
+
+std::optional<Recall> Dispatcher::recall(TaskId task) const {
+  const TaskSlot slot = tasks_.find_live(task);
+  const TaskTies* const ties = slot != kNoSlot ? tasks_.find_ties(slot) : nullptr;
+  if (ties == nullptr || !ties->recall || once_back(slot, *ties).eligible == 0) return std::nullopt;
+  return ties->recall;
 }
 
 /// What waits in the unit's queue waits for others; if it is gone, all that it could have taken.

@@ -92,6 +92,10 @@ class TaskStore {
     if (ties_.size() <= slot) ties_.resize(records_.records().size());
     return ties_[slot];
   }
+  /// Null: it has none.
+  [[nodiscard]] const TaskTies* find_ties(TaskSlot slot) const {
+    return slot < ties_.size() ? &ties_[slot] : nullptr;
+  }
   /// kNoSlot if no such task is known, any more or yet.
   [[nodiscard]] TaskSlot find(TaskId id) const {
     const TaskSlot slot = slot_of(id);

@@ -51,6 +51,9 @@ class Waiting {
     return last_class_ = find_class(kind, up);
   }
   [[nodiscard]] Class& class_at(TaskSlot slot) { return classes_[tasks_[slot].class_index]; }
+  [[nodiscard]] const Class& class_at(TaskSlot slot) const {
+    return classes_[tasks_[slot].class_index];
+  }
   void set_up(UnitMask up) {
     for (Class& each : classes_) {
       each.takers = policy_.takers(each.kind, up);

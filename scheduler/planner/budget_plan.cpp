@@ -29,6 +29,21 @@ int busy_with(const CallPlan& call, const UnitModel& unit, UnitId id) {
   return std::min(most, static_cast<int>(std::clamp<std::int64_t>(calls, 1, kNoLimit)));
 }
 
+/// So many calls of the kind are served by links and other units' servers in the time of one.
+int served_elsewhere(const CallPlan& call, const Platform& platform, UnitId id) {
+  constexpr int kNoLimit = 1'000'000;
+  Nanos busiest{0};
+  for (const CallStep& step : call.steps) {
+    if (step.servers == id || step.servers == CallStep::kDelay) continue;
+    const bool of_unit = step.servers < platform.units.size();
+    const int servers = of_unit ? platform.units[step.servers].servers : 1;
+    busiest = std::max(busiest, call.on(step.servers, Taken::kMean) / servers);
+  }
+  if (busiest <= Nanos::zero()) return kNoLimit;
+  return static_cast<int>(
+      std::clamp<std::int64_t>(call.takes(Taken::kMean) / busiest, 1, kNoLimit));
+}
+
 BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std::uint32_t pipeline,
                             std::uint32_t position) {
   const Platform& platform = scenario.platform;
@@ -45,7 +60,8 @@ BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std:
                         .prepare = std::vector<Nanos>(units, Nanos::zero()),
                         .window_j = std::vector<double>(units, 0.0),
                         .slice = std::vector<Nanos>(scenario.slices ? units : 0, Nanos::zero()),
-                        .state = scenario.mix.pipelines[pipeline].tasks[position].state};
+                        .state = scenario.mix.pipelines[pipeline].tasks[position].state,
+                        .at_once = std::vector<int>(units, 1)};
   // A real-time task has no use for the cloud while a unit of the robot may serve it.
   const UnitMask here = kind.eligible & ~cloud_units(platform);
   const UnitMask usable = kind.real_time && here != 0 ? here : kind.eligible;
@@ -55,6 +71,7 @@ BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std:
     const CallPlan& call = plan.calls[unit];
     if (contains(usable, unit)) task.units.push_back(unit);
     task.capacity[unit] = busy_with(call, platform.units[unit], unit);
+    task.at_once[unit] = served_elsewhere(call, platform, unit);
     task.prepare[unit] = call.prepares();
     task.worst[unit] = call.takes(Taken::kUsualWorst) - task.prepare[unit];
     if (scenario.slices) task.slice[unit] = call.longest_slice();

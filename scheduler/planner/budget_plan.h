@@ -37,6 +37,9 @@ struct BudgetPlan {
     Nanos ready{0};
     std::optional<Nanos> tolerates = {};
     std::optional<std::size_t> state = {};  ///< That one task holds at a time, in order.
+    /// By unit: so many of its calls are served at a time by the links and other units' servers
+    /// that they need; what its own serve is in capacity. Empty = any number.
+    std::vector<int> at_once = {};
     [[nodiscard]] Nanos slice_on(UnitId unit) const {
       return slice.empty() ? worst[unit] : slice[unit];
     }

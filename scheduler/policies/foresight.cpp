@@ -108,7 +108,9 @@ std::optional<Nanos> Foresight::coming(std::size_t pipeline, std::size_t place, 
 /// How many of the task's calls a server of the unit surely serves in the time of one, as where
 /// they are elsewhere for most of it: capacities are rounded up.
 int Foresight::calls_at_once(const BudgetPlan::Task& task, UnitId unit) const {
-  const int calls = std::max(task.capacity[unit], 1) - 1;
+  const int most = task.at_once.empty() ? task.capacity[unit]
+                                        : std::min(task.capacity[unit], task.at_once[unit]);
+  const int calls = std::max(most, 1) - 1;
   const int servers = servers_.empty() ? 1 : servers_[unit];
   return calls / 2 < servers ? 1 : calls / servers;
 }

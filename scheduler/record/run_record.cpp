@@ -111,8 +111,12 @@ void walk(Fields& fields, Record& record) {
   fields.field("overflow", record.overflow);
   fields.field("platform", record.platform);
   fields.field("platform_file", record.platform_file);
+  fields.field("platform_hash", record.platform_hash);
+  fields.list("settings", record.settings);
   fields.field("assumptions", record.assumptions);
   fields.field("profile", record.profile);
+  fields.field("profile_file", record.profile_file);
+  fields.field("profile_hash", record.profile_hash);
   fields.field("draw", record.draw);
   fields.field("mix", record.mix);
   fields.field("mix_file", record.mix_file);
@@ -122,6 +126,8 @@ void walk(Fields& fields, Record& record) {
   fields.field("seed", record.seed);
   fields.field("duration_s", record.duration_s);
   fields.field("in_flight", record.in_flight);
+  fields.list("besides", record.besides);
+  fields.field("slices", record.slices);
   fields.field("objective", record.objective);
   fields.field("min_rate_per_ms", record.min_rate_per_ms);
   fields.field("power_cap_w", record.power_cap_w);

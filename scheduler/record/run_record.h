@@ -143,9 +143,17 @@ struct RunRecord {
   std::string platform;
   /// Where these were read from, by its absolute path; absent = shipped, and in records of before.
   std::optional<std::string> platform_file, mix_file;
-  std::optional<std::string> assumptions;  ///< Of the platform; what modelled energy rests on.
-  std::optional<std::string> profile;      ///< Path, if one was used.
-  std::optional<std::string> draw;         ///< What its rows took; see Draw.
+  std::vector<std::string> settings;        ///< Of the platform, by the user: "cpu.active_w=15".
+  std::optional<std::string> assumptions;   ///< Of the platform; what modelled energy rests on.
+  std::optional<std::string> profile;       ///< Path, if one was used.
+  std::optional<std::string> profile_file;  ///< The same, absolute.
+  /// Of the platform's text and of the runs that the profile's rows are of: what a name and a path
+  /// do not tell. Absent in records of before.
+  std::optional<std::string> platform_hash, profile_hash;
+  /// Flags by which units, rows or calls are others: "--without gpu", "--strict", "--faults ...".
+  std::vector<std::string> besides;
+  std::optional<bool> slices;       ///< As it was asked for; see ScheduleOptions.
+  std::optional<std::string> draw;  ///< What its rows took; see Draw.
   std::string mix;
   std::string time = "virtual";  ///< Or "live".
   // Of live runs.

@@ -2,7 +2,11 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <set>
+#include <string>
+#include <string_view>
+#include <system_error>
 
 namespace pirt {
 namespace {
@@ -15,6 +19,17 @@ std::optional<double> in_ms(const std::optional<Nanos>& time) {
 std::optional<std::string> file_of(const std::string& argument) {
   if (!names_a_file(argument)) return std::nullopt;
   return std::filesystem::absolute(argument).string();
+}
+
+/// A record is handed on: "cloud.server=nats://USER:PASSWORD@host".
+std::string without_password(std::string setting) {
+  const std::string_view key = ".server=";  // Its value may lack the scheme.
+  const auto scheme = setting.find("://"), server = setting.find(key), end = setting.rfind('@');
+  const auto begin = scheme < end ? scheme + 3 : server < end ? server + key.size() : end;
+  if (begin < end && end != std::string::npos) {
+    setting.replace(begin, end - begin, "USER:PASSWORD");
+  }
+  return setting;
 }
 
 /// Whether somebody knows what the unit's calls drew, or would draw if it made none.
@@ -195,7 +210,14 @@ RunRecord summarize(const Scenario& run, const Profile* profile, const WeightTab
   record.platform = run.platform.name;
   record.platform_file = file_of(run.platform.argument);
   if (!run.platform.assumptions.empty()) record.assumptions = run.platform.assumptions;
-  if (profile != nullptr) record.profile = profile->path;
+  std::ranges::transform(run.platform.settings, std::back_inserter(record.settings),
+                         without_password);
+  if (profile != nullptr) {
+    record.profile = profile->path;
+    std::error_code none;  // It has no path, or its folder is gone.
+    const auto file = std::filesystem::absolute(profile->path, none);
+    if (!none) record.profile_file = file.lexically_normal().string();
+  }
   record.mix = run.mix.name;
   record.mix_file = file_of(run.mix.argument);
   record.seed = run.seed;

@@ -378,6 +378,7 @@ class LiveLocalization {
 
   /// Also of a run that was cut short: what nobody waits for any more is cancelled.
   void write_trace() {
+    begin_no_more();
     try {
       runtime_->cancel_all();
       runtime_->write_trace();
@@ -386,12 +387,14 @@ class LiveLocalization {
     }
   }
 
-  /// No frame begins any more; what runs is waited for.
+  /// No frame begins any more.
+  void begin_no_more() {
+    const std::lock_guard lock(mutex_);
+    closing_ = true;
+  }
+  /// The same, and what runs is waited for.
   void close() {
-    {
-      const std::lock_guard lock(mutex_);
-      closing_ = true;
-    }
+    begin_no_more();
     owner_.reset();
   }
 

@@ -57,7 +57,6 @@ struct runtime::Submitted {
   std::vector<TaskInput> inputs;  ///< Until it is told, as `after` of its options.
   TaskId id = kNoTask;
   FiringId firing = kNoTask;
-  std::optional<Recall> recall;
   UnitId unit = 0;
   Nanos dispatched_at{0};
   bool taken_in = false;

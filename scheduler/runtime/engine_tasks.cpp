@@ -51,7 +51,6 @@ void Runtime::Engine::take_in(Submitted& task) {
   task.taken_in = true;
   hear_of_others();
   const Task given = dispatched(task);
-  task.recall = given.recall;
   // First, since there may be no memory: a new slot is never beyond those in use.
   tasks_.resize(std::max(tasks_.size(), dispatcher_->known_tasks() + 1));
   const auto firing = dispatcher_->submit(std::span(&given, 1), now_, effects_);
@@ -255,7 +254,7 @@ void Runtime::Engine::note_arrival(const Submitted& task) {
 void Runtime::Engine::fill_call(Submitted& task) {
   Call& call = task.call;
   live_units_.fill(task.unit, call, *task.workload, workloads_[task.workload_index].state,
-                   task.recall, began_);
+                   dispatcher_->recall(task.id), began_);
   call.token = reinterpret_cast<std::uintptr_t>(&task);
   call.inputs.reserve(task.inputs.size());
   for (const TaskInput& input : task.inputs) {

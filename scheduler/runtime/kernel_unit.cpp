@@ -250,7 +250,8 @@ bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
   const bool stopped = lane.running.stop.stop_requested();
   if (stopped) lane.running.stop = std::stop_source();
   const bool unwanted = stopped || call.unwanted;
-  end.excused = lost || unwanted || (remote != nullptr && !remote->is_reachable());
+  const bool late = call.wanted_until && *call.wanted_until <= end.at;  // Nobody takes it now.
+  end.excused = lost || unwanted || late || (remote != nullptr && !remote->is_reachable());
   if (unwanted && end.outcome == Outcome::kReturned) end.problem.clear();  // As was asked for.
   return true;
 }

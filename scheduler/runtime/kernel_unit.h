@@ -121,8 +121,12 @@ class KernelUnit {
   /// lane.
   [[nodiscard]] std::optional<std::vector<Call*>> abandon(const Running& call);
   [[nodiscard]] bool abandoned() const { return abandoned_; }
+  struct Suspended {
+    Call* call = nullptr;
+    Nanos ran{0};
+  };
   /// The calls that are suspended between two slices. Of one that was abandoned, never to end.
-  [[nodiscard]] std::vector<Call*> suspended();
+  [[nodiscard]] std::vector<Suspended> suspended();
   /// Whoever made the call wants its result no more; it may hear of that. One that waits, or is
   /// under way, elsewhere is withdrawn, and given back soon; so is one that waits here.
   /// @param call  That it was given and that is not done.
@@ -183,7 +187,7 @@ class KernelUnit {
     // What was said of a call that waits between two slices.
     runtime::Atomic<Call*> let_in = nullptr;
     runtime::Atomic<bool> goes_on = false;
-    std::vector<Call*> suspended;  ///< The innermost last; with taking_.
+    std::vector<Suspended> suspended;  ///< The innermost last; with taking_.
   };
 
   void serve();

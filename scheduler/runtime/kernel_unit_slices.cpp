@@ -21,7 +21,7 @@ void KernelUnit::go_on() {
   bell_.ring(1);
 }
 
-std::vector<Call*> KernelUnit::suspended() {
+std::vector<KernelUnit::Suspended> KernelUnit::suspended() {
   const std::lock_guard lock(taking_);
   return lanes_.front().suspended;
 }
@@ -37,7 +37,7 @@ void KernelUnit::between_slices_of(Lane& lane) {
   Call& call = *runs->call;
   {
     const std::lock_guard lock(taking_);
-    lane.suspended.push_back(&call);
+    lane.suspended.push_back({&call, since - runs->since});
   }
   const Nanos paused = std::exchange(lane.paused, Nanos::zero());
   std::stop_source stop = std::exchange(lane.running.stop, std::stop_source());

@@ -119,9 +119,9 @@ class LiveRun final : public Executor, private LiveDriver {
     const Firings::TaskPlace& place = time_.firings().place(job);
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
     const Workload& workload = find_workload(task.workload);
-    if (task.state && task.inputs.empty()) follow_sequence(*task.state, workload, place.firing);
+    if (task.state && task.inputs.empty()) follow_sequence(*task.state, workload, place);
     Call& call = call_of(job);
-    units_.fill(unit, call, workload, task.state, time_.firings().recall(job), start_);
+    units_.fill(unit, call, workload, task.state, time_.recall(job), start_);
     call.intended = time_.intended(job);
     call.token = job;
     for (const Tensor& each : samples_.of(workload, place.firing)->inputs) {
@@ -144,12 +144,13 @@ class LiveRun final : public Executor, private LiveDriver {
   [[nodiscard]] Nanos now() const { return clock_.now() - start_; }
 
   /// A recorded sequence that begins anew begins with the state that it was recorded from, as where
-  /// it is measured: its inputs fit no other.
-  void follow_sequence(std::size_t state, const Workload& workload, std::uint64_t firing) {
-    const std::uint64_t frame = Samples::frame(workload, firing);
-    const auto [last, first_time] = played_.try_emplace(state, frame);
-    if (!first_time && frame <= last->second) units_.state(state).restart();
-    last->second = frame;
+  /// it is measured: its inputs fit no other. One that was given back plays its frame once more.
+  void follow_sequence(std::size_t state, const Workload& workload,
+                       const Firings::TaskPlace& place) {
+    const Played playing{place, Samples::frame(workload, place.firing)};
+    Played& last = played_.try_emplace(state, playing).first->second;
+    if (last.place != place && playing.frame <= last.frame) units_.state(state).restart();
+    last = playing;
   }
 
   void note_units() {
@@ -327,8 +328,12 @@ class LiveRun final : public Executor, private LiveDriver {
   runtime::Mutex mutex_;              ///< Guards what follows, once units_ have calls.
   runtime::Condition changed_;
   Samples samples_;
-  std::vector<std::unique_ptr<Call>> calls_;     ///< By job.
-  std::map<std::size_t, std::uint64_t> played_;  ///< Of states that play: the last frame.
+  std::vector<std::unique_ptr<Call>> calls_;  ///< By job.
+  struct Played {
+    Firings::TaskPlace place;
+    std::uint64_t frame = 0;
+  };
+  std::map<std::size_t, Played> played_;  ///< Of states that play: the last frame, and whose.
   const Dispatcher& dispatcher_;
   VirtualTime time_;
   int computing_ = 0;

@@ -12,7 +12,7 @@ namespace pirt {
 template <typename Fields, Of<BudgetPlan::Task> Given>
 void walk(Fields& fields, Given& task) {
   auto& [pipeline, first, pinned, units, capacity, share, worst, context, prepare, window_j, behind,
-         slice, ready, tolerates, state] = task;
+         slice, ready, tolerates, state, at_once] = task;
   fields.field("pipeline", pipeline);
   fields.field("first", first);
   fields.field("pinned", pinned);
@@ -26,6 +26,7 @@ void walk(Fields& fields, Given& task) {
   fields.field("behind_ns", behind);
   fields.list("slice_ns", slice);
   fields.field("state", state);
+  fields.list("at_once", at_once);
   // Nobody asks when it is ready if nobody counts on it.
   auto its_ready = tolerates ? std::optional<Nanos>(ready) : std::nullopt;
   fields.field("ready_ns", its_ready);
@@ -74,7 +75,8 @@ BudgetPlan budget_plan_from_json(const Json& json, std::size_t units) {
     require(task.capacity.size() == units && task.share.size() == units &&
             task.worst.size() == units && task.context.size() == units &&
             task.prepare.size() == units && task.window_j.size() == units &&
-            (task.slice.empty() || task.slice.size() == units));
+            (task.slice.empty() || task.slice.size() == units) &&
+            (task.at_once.empty() || task.at_once.size() == units));
   }
   return plan;
 }

@@ -14,7 +14,8 @@ namespace pirt {
 
 /// All that a fresh dispatcher is made from.
 struct DispatcherSetup {
-  static constexpr int kSchemaVersion = 5;
+  /// Another one also where a policy decides otherwise by the same inputs.
+  static constexpr int kSchemaVersion = 6;
   const PolicyInfo* mode = nullptr;
   std::vector<std::string> units;
   std::vector<std::optional<int>> slots;  ///< By unit.

@@ -160,10 +160,13 @@ CallEffects::Resumed CallEffects::resume(UnitId id, const Rest& rest, Nanos now,
   return {.passes = passes, .part = part};
 }
 
-void CallEffects::ended(UnitId id, JobIndex job, Nanos now) {
+void CallEffects::ended(UnitId id, WorkloadId workload, JobIndex job, Nanos now) {
   Unit& unit = units_[id];
   if (--unit.tasks == 0) unit.idle_since = now;
-  if (unit.executing.job != job) return;  // The next one has begun, or nothing is known of this.
+  if (unit.executing.job != job) {  // Another one has begun, beside it or behind it.
+    if (auto& its = unit.last[workload]) its->at = std::max(its->at, now);
+    return;
+  }
   note_touched(id, now);
   unit.ends = std::min(unit.ends, now);
 }

@@ -62,7 +62,7 @@ class CallEffects {
   [[nodiscard]] const std::vector<Slowed>& slowed() const { return slowed_; }
 
   /// The task has ended on the unit.
-  void ended(UnitId unit, JobIndex job, Nanos now);
+  void ended(UnitId unit, WorkloadId workload, JobIndex job, Nanos now);
 
  private:
   /// When a workload's last call on a unit had executed, and the bytes that had been touched by

@@ -150,14 +150,6 @@ const Firings::Made& Firings::made_earlier(JobIndex job, std::size_t task) const
   return *(std::ranges::lower_bound(made, place.firing, {}, &Made::firing) - 1);
 }
 
-std::optional<Recall> Firings::recall(JobIndex job) const {
-  const TaskPlace& place = places_[job];
-  const PipelineState& state = pipelines_[place.pipeline];
-  const auto& lead = state.leads[place.task];
-  if (!lead) return std::nullopt;
-  return lead->recall(firings_[place.slot].fired_at + *state.pipeline->deadline);
-}
-
 std::optional<FiringId> Firings::complete(JobIndex job, UnitId unit, Nanos now,
                                           std::shared_ptr<const std::vector<Tensor>> data) {
   const TaskPlace& place = places_[job];

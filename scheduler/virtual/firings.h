@@ -67,6 +67,7 @@ class Firings {
     std::uint32_t task = 0;    ///< Position in the pipeline.
     std::uint64_t firing = 0;  ///< Number in the pipeline, from 0.
     std::uint32_t slot = 0;    ///< Of the firing's id.
+    friend bool operator==(const TaskPlace&, const TaskPlace&) = default;
   };
   [[nodiscard]] static JobIndex job_of(TaskId id) { return slot_of(id); }
   [[nodiscard]] const TaskPlace& place(JobIndex job) const { return places_[job]; }
@@ -85,9 +86,6 @@ class Firings {
   }
   /// By the nearest earlier firing that completed the task, for a task that may start.
   [[nodiscard]] const Made& made_earlier(JobIndex job, std::size_t task) const;
-
-  /// As the task was submitted; of one that has not ended.
-  [[nodiscard]] std::optional<Recall> recall(JobIndex job) const;
 
   /// The task completed, or ended otherwise; its job is free. What is returned names the firing
   /// that is over with it, which the dispatcher may forget.

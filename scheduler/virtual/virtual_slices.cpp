@@ -82,9 +82,7 @@ void VirtualTime::take_back(const Recalled& recalled) {
   Job& job = jobs_[index];
   if (is_computed(job)) return executor_->recall(index, recalled.unit);
   const CallStep& step = step_of(job);
-  if (job.suspended) {
-    job.paused += now_ - job.suspended_at;
-  } else if (!step.for_data && step.servers != CallStep::kDelay) {
+  if (!step.for_data && step.servers != CallStep::kDelay) {
     charge_served(tally_, job, servers_[step.servers]->remove(index, now_).value());
     note_next(step.servers);
     tell(&RunObserver::departed, step.servers, index);

@@ -486,7 +486,7 @@ void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
                            std::shared_ptr<const std::vector<Tensor>> data) {
   Job& done = jobs_[job];
   if (call_effects_.any() && !is_computed(done)) {
-    call_effects_.ended(done.unit, job, now_);
+    call_effects_.ended(done.unit, workload_of(done), job, now_);
   }
   must(dispatcher_.complete(done.unit, done.id, outcome, now_, effects_));
   tally_.last_completion = now_;

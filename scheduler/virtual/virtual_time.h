@@ -85,6 +85,10 @@ class VirtualTime final {
   [[nodiscard]] const Firings& firings() const { return firings_; }
   /// What is to become of a call, on purpose: kCompleted where no faults are wanted.
   [[nodiscard]] Outcome intended(JobIndex job) const;
+  /// Dispatcher::recall, of a job.
+  [[nodiscard]] std::optional<Recall> recall(JobIndex job) const {
+    return dispatcher_.recall(jobs_[job].id);
+  }
 
  private:
   /// What it knows of a live task.

@@ -92,6 +92,14 @@ TEST_F(ReportOfRuns, DrawsTheScheduleOfTheRunThatIsGiven) {
                                  HasSubstr(" --objective energy --min-rate 0.001 --trace")));
 }
 
+TEST_F(ReportOfRuns, DrawsNoScheduleOfARunOfAnotherMachine) {
+  const auto page = scratch_->file("without.html");
+  const auto record = schedule("without.json", {"--profile", database(), "--without", "gpu"});
+  const auto report = pirt({"report", "page", database(), record, "--mix", kMix, "-o", page});
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  EXPECT_THAT(slurp(page), Not(HasSubstr("the whole of it: pirt")));
+}
+
 TEST_F(ReportOfRuns, SaysWhatMakesItsScheduleAgainInAnyFolder) {
   scratch_->write("mine.yaml",
                   "mix: mine\npipelines:\n"
@@ -171,6 +179,10 @@ TEST_F(ReportOfRuns, RefusesAPlatformWhereItReadsNoDatabase) {
   const auto record = schedule("alone.json", {"--platform", "snapdragon820"});
   expect_refused(pirt({"report", "text", record, "--platform", "nosuch"}), {"--platform 'nosuch'"});
   expect_refused(pirt({"report", "paper", "--platform", "nosuch"}), {"--platform 'nosuch'"});
+}
+
+TEST_F(ReportOfRuns, IsAPageOnlyWhereThatIsAskedFor) {
+  expect_refused(pirt({"report", "text", database(), "--format", "html"}), {"pirt report page"});
 }
 
 TEST_F(ReportOfRuns, KnowsARunWhateverItsFileBeginsWith) {

@@ -155,6 +155,31 @@ TEST(DuetGate, AFigureThatTheCandidateHasNotAsOftenIsInconclusive) {
   EXPECT_EQ(rate_of({kA}, at_first).verdict, GateVerdict::kNotJudged);
 }
 
+TEST(DuetGate, APhaseThatTheFirstProcessesDoNotAllHaveIsNamed) {
+  const auto rows_without = [](Side lacks) {
+    DuetComparison comparison({kCells[0]}, 1);
+    Ledger nowhere;
+    std::map<Side, int> runs;
+    const auto take = [&](Side of, const DuetCell&, SampleKind, Nanos) {
+      Sample sample;
+      sample.seconds = {{"call", 1e-3}, {"execute", 1e-3}, {"launch", 5e-4}};
+      // The first run that counts is the second.
+      if (++runs[of] == 2 && of == lacks) sample.seconds = {{"call", 1e-3}};
+      return SampleOutcome{.sample = sample, .error = {}};
+    };
+    const auto end = run_duet(comparison, nowhere, take, one_at_a_time(1), {});
+    return judge_duet(comparison, end).rows;
+  };
+  const auto rows = rows_without(kB);
+  ASSERT_EQ(rows.size(), 2U) << "a part of a call is seen in the call";
+  EXPECT_EQ(rows[0].phase, "call");
+  EXPECT_EQ(rows[0].verdict, GateVerdict::kSame);
+  EXPECT_EQ(rows[1].phase, "execute");
+  EXPECT_EQ(rows[1].verdict, GateVerdict::kInconclusive);
+  EXPECT_THAT(rows[1].reason, HasSubstr("1 of the candidate's runs"));
+  EXPECT_EQ(rows_without(kA).at(1).verdict, GateVerdict::kNotJudged);
+}
+
 TEST(DuetGate, AFigureThatBothLackOftenIsNotCalledNoisy) {
   const GateRow row = rate_of({kA, kB}, [](int run) { return run > 3 && run % 3 == 0; });
   EXPECT_EQ(row.verdict, GateVerdict::kInconclusive);

@@ -94,6 +94,35 @@ TEST(LiveReport, PairsALiveRunWithThoseThatPredictIt) {
   EXPECT_EQ(found[0].predictions, (std::vector<const RunRecord*>{&runs[0], &runs[5]}));
 }
 
+TEST(LiveReport, WhatWasAskedForOtherwiseIsNoPrediction) {
+  RunRecord live = run_of("live");
+  live.mode = "budget";
+  live.objective = "energy";
+  live.profile = "p.db";
+  live.profile_file = "/robot/p.db";
+  live.profile_hash = "1";
+  const auto predictions = [&live](RunRecord virtual_run) {
+    virtual_run.time = "virtual";
+    const std::vector<RunRecord> runs = {live, virtual_run};
+    return live_runs(runs).at(0).predictions.size();
+  };
+  EXPECT_EQ(predictions(live), 1U);
+  RunRecord other = live;
+  other.objective = "rate";
+  EXPECT_EQ(predictions(other), 0U);
+  other = live;
+  other.power_cap_w = 6.0;
+  EXPECT_EQ(predictions(other), 0U);
+  other = live;
+  other.besides = {"--without dsp"};
+  EXPECT_EQ(predictions(other), 0U);
+  other = live;
+  other.profile_hash = "2";
+  EXPECT_EQ(predictions(other), 1U) << "the database has got rows since";
+  other.profile_file = "/other/p.db";
+  EXPECT_EQ(predictions(other), 0U);
+}
+
 TEST(LiveReport, SaysHowFarVirtualTimeIsOff) {
   auto predicted = run_of("virtual");
   predicted.pipelines[0].rate_hz = 22;    // +10 %

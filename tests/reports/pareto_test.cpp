@@ -131,7 +131,7 @@ TEST(Pareto, WhatMakesItsPointsHoldsInAnyFolder) {
     each.in_flight = 3;
   }
   const std::string command =
-      "pirt schedule --compare --platform '/robots/my board.yaml' --mix /robots/mine.yaml "
+      "pirt schedule --compare a,b --platform '/robots/my board.yaml' --mix /robots/mine.yaml "
       "--duration 2.013712345s --seed 1";
   for (const Chart& chart : pareto_charts(mode_points(runs))) {
     EXPECT_EQ(chart.table.origin, command + " --in-flight 3");
@@ -139,6 +139,24 @@ TEST(Pareto, WhatMakesItsPointsHoldsInAnyFolder) {
   runs[1].in_flight = 7;
   for (const Chart& chart : pareto_charts(mode_points(runs))) {
     EXPECT_EQ(chart.table.origin, command);
+  }
+}
+
+TEST(Pareto, WhatMakesItsPointsHasWhatTheyWereAskedFor) {
+  std::vector<RunRecord> runs = {run("a", 1, 2, 10), run("b", 1, 1.5, 9)};
+  for (RunRecord& each : runs) {
+    each.profile = "p.db";
+    each.profile_file = "/robots/p.db";
+    each.settings = {"cpu.active_w=15"};
+    each.besides = {"--without gpu"};
+  }
+  runs[1].objective = "energy";
+  runs[1].power_cap_w = 6.0;
+  // The platform is the database's: no file and none that is shipped.
+  for (const Chart& chart : pareto_charts(mode_points(runs))) {
+    EXPECT_EQ(chart.table.origin,
+              "pirt schedule --compare a,b --profile /robots/p.db --set cpu.active_w=15 --mix mix "
+              "--without gpu --seed 1 --objective energy --power-cap 6W");
   }
 }
 

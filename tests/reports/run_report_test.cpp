@@ -96,6 +96,31 @@ TEST(ModesTable, SaysThatRunsOfDifferentMixesCannotBeCompared) {
   EXPECT_THAT(modes_table(runs).footnotes, Contains(HasSubstr("NOT COMPARABLE: energy ran large")));
 }
 
+TEST(ModesTable, SaysThatRunsOfAChangedMachineCannotBeCompared) {
+  auto other = run_of("energy");
+  other.besides = {"--without gpu"};
+  const std::vector<RunRecord> runs = {run_of("latency"), other};
+  EXPECT_THAT(modes_table(runs).footnotes,
+              Contains(HasSubstr("NOT COMPARABLE: energy ran small on host (--without gpu)")));
+}
+
+TEST(RanTheSame, IsOfWhatPlatformAndProfileHold) {
+  RunRecord one = run_of("edf"), other = run_of("budget");
+  one.profile = "p.db";
+  other.profile = "./p.db";
+  EXPECT_FALSE(ran_the_same(one, other)) << "of records of before nothing else is known";
+  one.profile_hash = other.profile_hash = "1";
+  EXPECT_TRUE(ran_the_same(one, other));
+  other.profile = "p.db";
+  other.profile_hash = "2";
+  EXPECT_FALSE(ran_the_same(one, other)) << "two files of one name";
+  other.profile_hash = "1";
+  one.platform_hash = "1";
+  EXPECT_TRUE(ran_the_same(one, other));
+  other.platform_hash = "2";
+  EXPECT_FALSE(ran_the_same(one, other));
+}
+
 TEST(ModesTable, ShowsADashForUnitsThatARunDoesNotHave) {
   auto other = run_of("energy");
   other.units[0].unit = "gpu";

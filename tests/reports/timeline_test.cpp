@@ -20,7 +20,7 @@ std::string slice(int process, int slot, double start_us, double us) {
       process, slot, start_us, us);
 }
 
-std::string trace(const std::string& events, int version = 5) {
+std::string trace(const std::string& events, int version = 6) {
   return fmt::format(
       R"({{"traceEvents":[{{"name":"process_name","ph":"M","pid":1,"args":{{"name":"cpu"}}}}{}],)"
       R"("pirt":{{"schema_version":{},"mode":"latency","units":["cpu","gpu"],"platform":"board",)"
@@ -43,7 +43,7 @@ TEST(Timeline, HasTheSlicesOfATrace) {
 
 TEST(Timeline, OfALiveRunThatWasKilledIsOfWhatItLeft) {
   const std::string lines =
-      R"([{"name":"pirt","ph":"M","pid":0,"args":{"schema_version":5,"mode":"latency",)"
+      R"([{"name":"pirt","ph":"M","pid":0,"args":{"schema_version":6,"mode":"latency",)"
       R"("units":["cpu","gpu"],"platform":"board","mix":"m","seed":5,"time":"live"}},)"
       "\n" +
       slice(1, 0, 0, 500) + ",\n" + slice(2, 0, 2000, 1000).substr(0, 60);

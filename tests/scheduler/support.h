@@ -110,6 +110,9 @@ class NamedDispatcher : public Dispatcher {
   [[nodiscard]] std::optional<TaskState> state(TaskId task) const {
     return Dispatcher::state(find(ids_, task));
   }
+  [[nodiscard]] std::optional<Recall> recall(TaskId task) const {
+    return Dispatcher::recall(find(ids_, task));
+  }
 
  private:
   using Names = std::map<std::uint64_t, std::uint64_t>;

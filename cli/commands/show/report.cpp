@@ -216,6 +216,7 @@ void take_settings(const RunRecord& run, const Mix& mix, ScheduleOptions& schedu
     }
   }
   if (run.overflow == "literal") schedule.overflow = Overflow::kLiteral;
+  schedule.slices = run.slices;
   if (run.draw) schedule.draw = find_draw(*run.draw);
 }
 
@@ -247,7 +248,11 @@ std::optional<Timeline> make_timeline(const Machine& machine, const Mix& mix,
   schedule.strict = options.strict;
   if (!runs.empty()) {
     const RunRecord& run = runs.front();
+    const std::string hash = platform_hash(*machine.platform);
+    const std::vector<std::string> besides(options.strict ? 1 : 0, "--strict");
     const bool same = run.platform == machine.profile.platform() && run.mix == mix.name &&
+                      run.platform_hash.value_or(hash) == hash &&
+                      (run.besides == besides || !run.platform_hash) &&
                       run.weights_from.value_or("") != "given";
     if (!same) return std::nullopt;
     schedule.mode = run.mode;
@@ -487,6 +492,12 @@ constexpr Kind kPaper = {
 
 int report(const ReportFlags& options, const Kind& kind) {
   static_cast<void>(parse_format(options.format));  // before anything is computed
+  const auto formats = split(kind.formats, '|');
+  if (std::ranges::find(formats, options.format) == formats.end()) {
+    throw_bad_input(fmt::format(
+        "pirt report {} knows --format {}, not '{}'{}", kind.name, join(formats, " and "),
+        options.format, options.format == "html" ? "; pirt report page writes a page" : ""));
+  }
   const bool of_modes = kind.write == report_all || kind.write == report_compare;
   if (options.files.empty() && kind.write != report_paper && !(of_modes && options.platform)) {
     throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one" +

@@ -197,6 +197,9 @@ const std::string kImu =
     "  imu: {rate_hz: 1000, deadline_ms: 1, tasks: [{name: i, service_ms: {dsp: 0.1}}]}\n";
 const std::string kCpuAndDsp =
     "platform: two\nunits: {cpu: {slots: 1, active_w: 1}, dsp: {slots: 1, active_w: 1}}\n";
+const std::string kAbc =
+    "platform: three\nunits: {a: {slots: 1, active_w: 1}, b: {slots: 1, active_w: 2}, "
+    "c: {slots: 1, active_w: 1}}\n";
 
 TEST(Budget, DoesNotStarveWhatHasNoDeadline) {
   const auto keeps = [&](const std::string& pipelines, const std::string& mode,
@@ -225,6 +228,21 @@ TEST(Budget, ForEnergyItRunsWhatMayWait) {
   EXPECT_EQ(real_time_losses(record), 0);
 }
 
+// Of `job`, j1 has room between q and r, and j2 none.
+TEST(Budget, WhatBeginsAndNeverEndsIsNotServed) {
+  const std::string job =
+      "  job: {rate_hz: 2, real_time: false, tasks: [{name: j1, service_ms: {cpu: 1}}, {name: j2, "
+      "service_ms: {cpu: 80}, after: [j1]}]}\n";
+  ScheduleOptions options;
+  options.objective = Objective::kEnergy;
+  const RunRecord frugal = run_for(5, kCpuAndDsp, kChains + job, options);
+  const RunRecord fast = run_for(5, kCpuAndDsp, kChains + job + kImu);
+  for (const RunRecord& record : {frugal, fast}) {
+    EXPECT_GT(record.pipelines[2].completed, 0);
+    EXPECT_EQ(real_time_losses(record), 0);
+  }
+}
+
 // edf, which serves `job`, is late for q and r once `big` has begun.
 TEST(Budget, PlansForWhatFiresRarely) {
   const RunRecord record = run_for(9, kCpuAndDsp,
@@ -248,6 +266,65 @@ TEST(Budget, ATrialLastsUntilADeadlineHasPassed) {
   EXPECT_EQ(real_time_losses(record), 0);
 }
 
+// The loop is over after 1 ms. On `a`, which takes less energy, y would end after 900 ms.
+TEST(Budget, ATrialLastsBeyondALoopThatIsSoonOver) {
+  const std::string task =
+      ": {rate_hz: 1, deadline_ms: 800, tasks: [{name: t, service_ms: {a: 450, b: 450}}]}\n";
+  const RunRecord record = run_for(
+      10, kAbc,
+      "  loop: {closed_loop: {frames: 1000}, real_time: false, tasks: [{name: l, service_ms: {c: "
+      "0.001}}]}\n  x" +
+          task + "  y" + task);
+  EXPECT_EQ(real_time_losses(record), 0);
+}
+
+// x and y fire after 15 s, of which a trial of the plan has 10: y would be late on `a`, behind x.
+TEST(Budget, PlansForADeadlineThatComesRarely) {
+  const std::string rare =
+      ": {rate_hz: 0.05, offset_ms: 15000, deadline_ms: 10, tasks: [{name: t, service_ms: {a: 8, "
+      "b: 8}}]}\n";
+  const std::string pipelines =
+      "  imu: {rate_hz: 1000, deadline_ms: 1, tasks: [{name: i, service_ms: {c: 0.1}}]}\n  x" +
+      rare + "  y" + rare;
+  ScheduleOptions capped;
+  capped.power_cap_w = 100;
+  EXPECT_EQ(real_time_losses(run_for(16, kAbc, pipelines, capped)), 0);
+  const RunRecord record = run_for(16, kAbc, pipelines);
+  EXPECT_EQ(real_time_losses(record), 0);
+  EXPECT_EQ(record.pipelines[0].guaranteed, true);
+}
+
+// The first firing of `cam` has no image of an earlier one. On both units z would wait for nobody,
+// and nothing could be said of any.
+TEST(Budget, AFirstFiringWithoutAPredecessorIsNoReasonToMove) {
+  const RunRecord record = run_for(
+      2,
+      "platform: two\nunits: {a: {slots: 1, active_w: 1}, b: {slots: 1, active_w: 1}}\n"
+      "workloads: {undistort: {a: 5}, track_features: {a: 5}}\n",
+      "  cam: {rate_hz: 10, deadline_ms: 90, tasks: [{name: undistort, workload: undistort}, "
+      "{name: track, workload: track_features, inputs: {image: undistort.image, previous: "
+      "undistort.image@-1}}]}\n"
+      "  y: {rate_hz: 10, offset_ms: 50, deadline_ms: 90, tasks: [{name: y, service_ms: {b: "
+      "10}}]}\n"
+      "  z: {rate_hz: 20, offset_ms: 6, deadline_ms: 50, tasks: [{name: z, service_ms: {a: 10, b: "
+      "10}}]}\n");
+  for (const PipelineResult& each : record.pipelines) {
+    EXPECT_EQ(each.guaranteed, true) << each.pipeline;
+  }
+}
+
+// Begun at 100 ms, a call of `job` has the cpu until 109: p, of 105 ms, would end at 119.
+TEST(Budget, ForeseesThatCallsWaitForAnotherUnitsServers) {
+  const RunRecord record =
+      run_for(5,
+              "platform: two\nunits: {cpu: {slots: 1, active_w: 1}, gpu: {active_w: 1}}\n"
+              "workloads: {sobel: {gpu: [{on: cpu, ms: 9}, {on: gpu, ms: 1}]}}\n",
+              "  p: {rate_hz: 10, offset_ms: 5, deadline_ms: 12, tasks: [{workload: sobel}]}\n"
+              "  job: {rate_hz: 50, real_time: false, tasks: [{workload: sobel}]}\n");
+  EXPECT_EQ(deadline_misses(record), 0);
+  EXPECT_GE(record.pipelines[1].completed, 240);
+}
+
 // On `a`, which takes less energy, y would end 16 ms after its firing.
 TEST(Budget, ForLatencyWhatWaitsInTheDispatcherCounts) {
   const std::string task =
@@ -261,21 +338,24 @@ TEST(Budget, ForLatencyWhatWaitsInTheDispatcherCounts) {
   EXPECT_NEAR(record.pipelines[1].p50_ms.value(), 8, 0.1);
 }
 
-// The cloud serves any number of calls at a time: one more makes nothing late that is to come.
+// The cloud serves any number of calls at a time: one more makes nothing late that is to come. So
+// it is where a call has a link for 50 of its 2050 ms.
 TEST(Budget, WhatIsForeseenInTheCloudKeepsNothingFromIt) {
   ScheduleOptions options;
   options.power_cap_w = 50;
-  const RunRecord record = run_for(
-      60,
-      "platform: two\nunits: {cpu: {slots: 1, active_w: 10}, cloud: {role: cloud}}\n"
-      "workloads: {alexnet: {cloud: [{delay_ms: 2000}]}, bundle_adjust: {cloud: [{delay_ms: "
-      "{uniform: [2000, 5000]}}]}}\n",
-      "  rec: {rate_hz: 1, deadline_ms: 10000, real_time: false, tasks: [{workload: alexnet}]}\n"
-      "  map: {rate_hz: 0.1, real_time: false, tasks: [{workload: bundle_adjust}]}\n",
-      options);
-  EXPECT_EQ(deadline_misses(record), 0);
-  EXPECT_GE(record.pipelines[1].completed, 5);
-  EXPECT_EQ(record.pipelines[1].never_ran, std::nullopt);
+  for (const std::string there : {"}}\n", ", link: radio}}\nlinks: {radio: {mbit_s: 100}}\n"}) {
+    const RunRecord record = run_for(
+        60,
+        "platform: two\nunits: {cpu: {slots: 1, active_w: 10}, cloud: {role: cloud" + there +
+            "workloads: {alexnet: {cloud: [{delay_ms: 2000}]}, bundle_adjust: {cloud: [{delay_ms: "
+            "{uniform: [2000, 5000]}}]}}\n",
+        "  rec: {rate_hz: 1, deadline_ms: 10000, real_time: false, tasks: [{workload: alexnet}]}\n"
+        "  map: {rate_hz: 0.1, real_time: false, tasks: [{workload: bundle_adjust}]}\n",
+        options);
+    EXPECT_EQ(deadline_misses(record), 0) << there;
+    EXPECT_GE(record.pipelines[1].completed, 5) << there;
+    EXPECT_EQ(record.pipelines[1].never_ran, std::nullopt) << there;
+  }
 }
 
 // One call at a time would guarantee p, and serve 100 of 260 a second; likewise in the cloud, and

@@ -149,6 +149,19 @@ TEST(Dispatcher, TakesNothingBackThatNobodyElseWouldTake) {
   EXPECT_EQ(script.complete(kCloud, 1), "L2");
 }
 
+TEST(Dispatcher, KnowsNoRecallOfWhatNobodyElseWouldTake) {
+  Script script(policy_of("advanced", setup_of(1, 1, 1)), {1, 1, 1, 1});
+  const TaskClass only{.eligible = unit_bit(kCloud), .real_time = false};
+  EXPECT_EQ(script.submit_recalled(1, kSlow, Nanos(10)), "L1");
+  EXPECT_EQ(script.submit_recalled(2, only, Nanos(20)), "");
+  const Recall known = script.dispatcher().recall(1).value_or(Recall{});
+  EXPECT_EQ(known.at, Nanos(10));
+  EXPECT_EQ(known.from, unit_bit(kCloud));
+  EXPECT_FALSE(script.dispatcher().recall(2).has_value());
+  for (const UnitId unit : {kGpu, kDsp, kCpu}) EXPECT_EQ(script.set(unit, UnitState::kGone), "");
+  EXPECT_FALSE(script.dispatcher().recall(1).has_value()) << "the others are gone";
+}
+
 TEST(Dispatcher, WhatCompletesWhileItIsWantedBackHasCompleted) {
   Script script(policy_of("advanced", setup_of(1, 1, 1)), {1, 1, 1, 1});
   EXPECT_EQ(script.submit_recalled(1, kSlow, Nanos(10)), "L1");
@@ -382,7 +395,6 @@ TEST(Dispatcher, RefusesACompletionOfWhatDoesNotRunThere) {
   EXPECT_EQ(script.complete(kGpu, 2, Outcome::kFailed), "");
   EXPECT_EQ(script.complete(kGpu, 2), "refused");
   EXPECT_EQ(script.set(77, UnitState::kDraining), "refused");
-  EXPECT_EQ(script.dispatcher().refused(), 7);
   EXPECT_EQ(script.dispatcher().counts().completed, 1);
   EXPECT_EQ(script.dispatcher().counts().failed, 1);
   EXPECT_EQ(script.dispatcher().load(kGpu), 0);

@@ -76,6 +76,32 @@ TEST(RunRecord, SaysWhichFilesPlatformAndMixWereReadFrom) {
   for (const auto& file : {platform, mix}) std::filesystem::remove(file);
 }
 
+TEST(RunRecord, SaysWhatChangedItsMachine) {
+  ScheduleOptions options;
+  options.mode = "olb";
+  const auto mix = load_mix("convolution-1000");
+  const auto plain = run_virtual(load_platform("snapdragon820"), nullptr, mix, options);
+  options.without = {"gpu"};
+  options.faults.emplace().seed = 7;
+  options.faults->failing = 0.5;
+  options.faults->returning = 0;
+  options.slices = false;
+  const auto changed =
+      run_virtual(load_platform("snapdragon820", {{"cpu.active_w", "15"}}), nullptr, mix, options);
+  EXPECT_TRUE(plain.settings.empty() && plain.besides.empty() && !plain.slices);
+  EXPECT_EQ(changed.settings, std::vector<std::string>{"cpu.active_w=15"});
+  EXPECT_EQ(changed.besides,
+            (std::vector<std::string>{"--without gpu", "--faults seed=7,fail=0.5,return=0"}));
+  EXPECT_EQ(changed.slices, false);
+  EXPECT_TRUE(plain.platform_hash && changed.platform_hash);
+  EXPECT_NE(plain.platform_hash, changed.platform_hash);
+  EXPECT_EQ(run_record_from_json(to_json(changed), "x"), changed);
+  auto cloud = load_platform("snapdragon820");
+  cloud.settings = {"cloud.server=nats://me:secret@host"};
+  EXPECT_EQ(run_virtual(cloud, nullptr, mix, options).settings,
+            std::vector<std::string>{"cloud.server=nats://USER:PASSWORD@host"});
+}
+
 TEST(RunRecord, SaysWhatCallsTookOnAUnitThatNobodyElseUses) {
   // One frame at a time; on the GPU 3.80 + 0.70 + 2.605 ms.
   ScheduleOptions options;

@@ -7,6 +7,8 @@
 #include <atomic>
 #include <filesystem>
 #include <latch>
+#include <memory>
+#include <stop_token>
 
 #include "scheduler/trace/replay.h"
 #include "tests/scheduler/support.h"
@@ -14,6 +16,7 @@
 #include "tests/support/optional_backend.h"
 #include "tests/workloads/inputs/sequence_support.h"
 #include "workloads/mapping/keyframes.h"
+#include "workloads/model/slices.h"
 #include "workloads/slam/run/map_file.h"
 #include "workloads/slam/workload/state_tensors.h"
 
@@ -400,6 +403,65 @@ TEST(Localization, StoppedTwiceItWaitsForNothing) {
   const auto result = localize_live(sequence, options);
   EXPECT_TRUE(result.stopped);
   EXPECT_EQ(result.arrived, result.run.frames.size() + result.failed);
+}
+
+struct Held {
+  std::atomic<int> waiting = 0;
+  std::latch go{1};
+};
+
+/// The first frame does not end before a task of its own is cancelled, which runs until then.
+class HoldingUntilCancelled final : public Companion {
+ public:
+  void list_workloads(RuntimeOptions& options) const override {
+    const auto hold = [held = held_](auto, auto) {
+      ++held->waiting;
+      const std::stop_callback cancelled(stop_of_call(), [&] { held->go.count_down(); });
+      held->go.wait();
+    };
+    options.workloads.emplace_back(
+        OwnWorkload{.name = "hold", .inputs = {}, .outputs = {}, .kernels = {{"holding", hold}}});
+  }
+  void begin(Caller& caller) override {
+    caller.call("hold", {}, {}, [](auto) {});
+  }
+  void arrived(Nanos, const GreyImage&) override {}
+  void localized(const slam::FrameResult&, const std::function<slam::State()>&) override {
+    ++held_->waiting;
+    held_->go.wait();
+  }
+  [[nodiscard]] bool both_wait() const { return held_->waiting >= 2; }
+
+ private:
+  std::shared_ptr<Held> held_ = std::make_shared<Held>();
+};
+
+// Frames have come and their pyramids are made while the first one is held: none of them begins
+// once all that is under way is cancelled for the trace's sake.
+TEST(Localization, StoppedTwiceNoFrameBeginsThatWaitedWithATraceEither) {
+  const test::ScratchFolder folder;
+  const auto sequence = test::mono(small(1.6));
+  auto options = options_of(sequence, R"(
+platform: three
+units:
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+  gpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+  holding: {backend: fake, slots: 1, active_w: 1,
+            script: {unsupported: [extract_features, imu_propagate, update_pose, extend_map]}}
+)");
+  options.runtime.mode = "olb";
+  options.runtime.time_limit = std::chrono::minutes(10);
+  options.runtime.trace = (folder.path() / "trace.json").string();
+  options.most_in_flight = 20;
+  HoldingUntilCancelled holding;
+  options.companion = &holding;
+  std::atomic<std::size_t> seen = 0;
+  options.spoil = [&](std::size_t frame, std::size_t, GreyImage&) { seen = frame; };
+  options.stops = [&] { return holding.both_wait() && seen >= 20 ? 2 : 0; };
+  const auto result = localize_live(sequence, options);
+  EXPECT_EQ(result.run.frames.size(), 1U);
+  EXPECT_EQ(result.arrived, result.run.frames.size() + result.failed);
+  EXPECT_EQ(result.trace_problem, "");
 }
 
 TEST(Localization, ItsTraceReplays) {

@@ -306,6 +306,20 @@ pipelines:
     tasks: [{name: model, workload: background_model}]
 )";
 
+/// What firings of kHangingMix made that completed is what a serial run makes of these.
+void expect_serial(const Outputs& outputs) {
+  const Workload& model = find_workload("background_model");
+  Serial cpu;
+  StateValue state(model);
+  const std::vector<Data> frames = sequence_of(model);
+  for (const auto& [which, bytes] : outputs) {
+    const auto frame = which.second % frames.size();
+    if (frame == 0) state.restart();  // As the sequence does.
+    const auto made = cpu.call(model, copy_tensors(frames[frame].inputs), &state);
+    EXPECT_TRUE(bytes == bytes_of(made)) << which.second;
+  }
+}
+
 TEST(Live, AUnitThatHangsIsTakenOutOfServiceAndItsStateIsThatOfBefore) {
   Outputs outputs;
   ScheduleOptions options;
@@ -326,17 +340,36 @@ TEST(Live, AUnitThatHangsIsTakenOutOfServiceAndItsStateIsThatOfBefore) {
   EXPECT_EQ(run.completed, 11);
   EXPECT_THAT(run.warnings, Contains(HasSubstr("background_model on gpu: no end after")));
   // The first call committed nothing, so that the second begins with the state of before it.
-  const Workload& model = find_workload("background_model");
-  Serial cpu;
-  StateValue state(model);
-  const std::vector<Data> frames = sequence_of(model);
-  for (std::uint64_t firing = 1; firing < 12; ++firing) {
-    const auto frame = firing % frames.size();
-    if (frame == 0) state.restart();  // As the sequence does.
-    const auto made = cpu.call(model, copy_tensors(frames[frame].inputs), &state);
-    EXPECT_EQ((outputs[{0, firing}] == bytes_of(made)), true) << firing;
-  }
+  EXPECT_FALSE(outputs.contains({0, 0}));
+  expect_serial(outputs);
   EXPECT_FALSE(replay_file(trace).result.difference);
+}
+
+// In the midst of its sequence: the other unit begins with the state that the first one did.
+TEST(Live, ACallThatIsGivenBackHasTheStateOfBeforeIt) {
+  constexpr std::uint64_t kReturned = 3;
+  Faults faults{.failing = 0, .returning = 0.1};
+  const auto returns_only_that = [&] {
+    for (std::uint64_t firing = 0; firing < 12; ++firing) {
+      const bool returns = faults.outcome(0, firing, 0, 0) == Outcome::kReturned;
+      if (returns != (firing == kReturned)) return false;
+    }
+    return faults.outcome(0, kReturned, 0, 1) == Outcome::kCompleted;
+  };
+  while (!returns_only_that()) ++faults.seed;
+  ScheduleOptions options;
+  options.mode = "ect";
+  options.faults = faults;
+  Outputs outputs;
+  LiveOptions how;
+  how.sink = [&](const Firings::TaskPlace& place, std::span<const Tensor> made) {
+    outputs[{place.task, place.firing}] = bytes_of(made);
+  };
+  const RunRecord run = run_live(parse_platform("test.yaml", kBoard, {}, 1), nullptr,
+                                 mix_of(kHangingMix), options, how);
+  EXPECT_EQ(run.returned, 1);
+  EXPECT_EQ(run.completed, 12);
+  expect_serial(outputs);
 }
 
 TEST(Live, WhatWaitedBehindAHungCallIsServedElsewhereWithItsOwnInputs) {

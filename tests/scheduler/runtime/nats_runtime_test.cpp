@@ -2,6 +2,7 @@
 // comes while the runtime is there is taken into service.
 #include <list>
 #include <thread>
+#include <utility>
 
 #include "scheduler/runtime/runtime.h"
 #include "tests/scheduler/support.h"
@@ -32,9 +33,9 @@ units:
   return options;
 }
 
-TaskFuture submit(Runtime& runtime) {
+TaskFuture submit(Runtime& runtime, TaskOptions options = {}) {
   const Data data = data_of_seed_1(find_workload("pool5"));
-  return runtime.submit("pool5", {data.inputs.begin(), data.inputs.end()});
+  return runtime.submit("pool5", {data.inputs.begin(), data.inputs.end()}, std::move(options));
 }
 
 // Each try there would hold a task up until a call has waited for the way.
@@ -106,6 +107,17 @@ TEST_F(RuntimeElsewhereLater, TakesInAWorkerThatStartsAfterIt) {
   start_worker("worker", find_workload("pool5"));
   EXPECT_TRUE(comes_into_service(runtime));
   EXPECT_EQ(runtime.statistics().returned, 0);
+}
+
+// Nobody else may serve it, so that it is not wanted back before its deadline, which is over.
+TEST_F(RuntimeElsewhereLater, AWorkerComputesWhatIsLateAndNobodyElseWouldTake) {
+  start_server();
+  start_worker("worker", find_workload("pool5"));
+  Runtime runtime(options_of(server_.url()));
+  ASSERT_TRUE(comes_into_service(runtime));
+  const TaskFuture late = submit(runtime, {.deadline = 1ns, .eligible = {"cloud"}});
+  EXPECT_EQ(late.wait(), TaskEnd::kCompleted) << late.problem();
+  EXPECT_EQ(late.unit(), "cloud");
 }
 
 // The one that is there as it starts does not know the workload.

@@ -189,6 +189,7 @@ TEST(LiveSlices, AHungCallTakesWhatItWasLetIntoWithIt) {
     EXPECT_EQ(urgent.wait(), TaskEnd::kFailed);
     EXPECT_EQ(task.wait(), TaskEnd::kFailed);
     EXPECT_THAT(task.problem(), testing::HasSubstr("left for short, which hangs"));
+    EXPECT_GT(task.busy(), Nanos::zero()) << "what it computed before";
     EXPECT_FALSE(runtime.statistics().units[0].in_service);
     runtime.bring_back("cpu");
     EXPECT_TRUE(runtime.statistics().units[0].in_service);

@@ -198,6 +198,33 @@ TEST(CallEffects, CachesForgetInTimeWhatNobodyOfTheMixTouched) {
   EXPECT_NEAR(p50s_ms(profile, kBlur)[0], 4, 4 * kHistogram) << "nothing to lose";
 }
 
+// The blur finds what it has just touched itself, however many sobels began beside it: 4 ms on a
+// server of its own, 8 where they share one.
+TEST(CallEffects, CachesForgetNothingOfACallThatHasJustEndedBesideAnother) {
+  Profile profile = steady_profile();
+  set_cache(profile, std::int64_t{1} << 40);
+  set_last_cache(profile, std::int64_t{1} << 40);
+  profile.conditions = {execute("gaussian_blur", "cpu", 8, Condition::kColdMemory)};
+  for (const auto& [sleep_ms, ms] : {std::pair(0.0, 1.0), {1.0, 1.5}, {10.0, 2.5}}) {
+    add_unit_time(profile, UnitPhase::kReread, sleep_ms, ms);
+  }
+  add_unit_time(profile, UnitPhase::kRereadCold, 0, 3);
+  const Mix mix = mix_of(R"(
+mix: m
+pipelines:
+  p: {closed_loop: {frames: 20}, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+  q: {closed_loop: {frames: 200}, tasks: [{name: a, workload: sobel, eligible: [cpu]}]}
+)");
+  for (const auto& [servers, takes_ms] :
+       {std::pair("slots: 2, servers: 2, ", 4.0),
+        {"slots: 2, servers: 1, discipline: processor_sharing, ", 8.0}}) {
+    std::string board = kBoard;
+    board.insert(board.find("backend: cpu"), servers);
+    const RunRecord record = run_virtual(platform_of(board), &profile, mix, mode("met", 0, 1));
+    EXPECT_NEAR(record.pipelines[0].p50_ms.value(), takes_ms, takes_ms * kHistogram) << servers;
+  }
+}
+
 // Both begin at once. Of sobel all 2 ms are beside gaussian_blur, of that 2 of its 4 ms: 2 x 1.5
 // and 4 + 2 x (1.25 - 1).
 TEST(CallEffects, UnitsOfOneMemorySlowEachOtherWhileBothAreBusy) {
