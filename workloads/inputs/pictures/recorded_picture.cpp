@@ -137,13 +137,17 @@ std::vector<std::size_t> picture_topics(const Recording& recording) {
 
 std::string no_pictures(const Recording& recording, std::size_t topic) {
   const bool is_compressed = recording.topics()[topic].type == ImageMessage::kCompressedType;
+  std::string why_not;
   try {
-    return first_message(recording, topic, [is_compressed](WireReader& in) {
-      return no_picture(read_image(in, is_compressed));
+    return first_message(recording, topic, [&](WireReader& in) {
+      why_not = no_picture(read_image(in, is_compressed));
+      // A stream may begin within a picture.
+      if (is_compressed && why_not.ends_with('\'')) in.fail(why_not);  // no mosaic, no depth
+      return why_not;
     });
   } catch (const Error& error) {
     if (error.code() != ErrorCode::kBadInput) throw;
-    return std::string("cannot be read: ") + error.what();
+    return why_not.empty() ? std::string("cannot be read: ") + error.what() : why_not;
   }
 }
 

@@ -18,7 +18,8 @@ namespace pirt {
 
 /// Positions of the topics of pictures' types that have messages which can be read.
 [[nodiscard]] std::vector<std::size_t> picture_topics(const Recording& recording);
-/// Why the first message of such a topic that is one is no picture; empty = it may be one.
+/// Why the first message of such a topic that is one is no picture, or, of compressed ones, none of
+/// the first is; empty = it may be one.
 [[nodiscard]] std::string no_pictures(const Recording& recording, std::size_t topic);
 
 /// Position of the topic of that name, or, where that is empty, of the first with pictures, by

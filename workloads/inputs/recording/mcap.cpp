@@ -16,9 +16,6 @@ namespace pirt {
 namespace mcap {
 namespace {
 
-/// What is not in a chunk, as the chunk's number.
-constexpr std::uint64_t kNoChunk = UINT64_MAX;
-
 /// The fields of a record, one after the other. False behind its end.
 class Fields {
  public:
@@ -55,6 +52,7 @@ struct Chunk {
   std::uint64_t data_at = 0, packed = 0, size = 0;
   std::uint32_t crc = 0;  ///< 0 = there is none.
   std::string compression = {};
+  bool is_file = false;  ///< The whole file, for messages between two chunks.
 };
 
 struct Message {
@@ -330,7 +328,12 @@ class Mcap final : public Recording {
     if (!is_known) return;
     if (size > kMostChunkBytes) fail_at(at, "a record has no end");
     const std::string content = bytes_.read(at, size);
-    if (op == Op::kMessage) place(message_of(content, at), kNoChunk, at - kRecordHead, at);
+    if (op == Op::kMessage) {
+      if (chunks_.empty() || !chunks_.back().is_file) {
+        chunks_.push_back(Chunk{.size = bytes_.size(), .compression = "none", .is_file = true});
+      }
+      place(message_of(content, at), chunks_.size() - 1, at - kRecordHead, at);
+    }
     if (op == Op::kSchema || op == Op::kChannel) describe_here(op, content, at);
     if (op != Op::kDataEnd) return;
     const auto crc = Fields(content).u32();
@@ -423,11 +426,10 @@ class Mcap final : public Recording {
       }
       return std::string(message.data.substr(0, most));
     };
-    const bool is_alone = place.at == kNoChunk;
     const bool is_head = most < kWhole;
-    const Chunk chunk = is_alone ? Chunk{.size = bytes_.size()} : chunks_[place.at];
+    const Chunk& chunk = chunks_[place.at];
     // Where the first bytes are enough and nothing is packed, a chunk is not read for them.
-    if (is_alone || (is_head && chunk.compression == "none")) {
+    if (chunk.is_file || (is_head && chunk.compression == "none")) {
       const auto at = chunk.data_at + std::min(place.part, chunk.size);
       const auto room = std::min(chunk.data_at + chunk.size, bytes_.size()) - at;
       const auto head = bytes_.read(at, std::min<std::uint64_t>(room, kRecordHead));

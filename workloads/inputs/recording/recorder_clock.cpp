@@ -84,13 +84,15 @@ void Recording::keep_longest_run() {
   std::vector<Nanos> stamps;
   for (const Place& place : clock->places) stamps.push_back(place.time);
   const auto fall = [&](std::size_t i) { return Fall{clock->places[i - 1], clock->places[i]}; };
-  constexpr std::size_t kMostSet = 16;  // each costs a pass
-  const auto falls = restarts_of(stamps);
+  constexpr std::size_t kMostSet = 16;                         // each costs a pass
+  constexpr Nanos kLeastSet = std::chrono::milliseconds(100);  // ntpd sets one that is off by 128
+  auto falls = restarts_of(stamps, kLeastSet);
+  if (falls.size() > kMostSet) falls = restarts_of(stamps);
   std::vector<std::size_t> restarts;
   for (const std::size_t i : falls) {
     const Fall here = fall(i);
     if (falls.size() > kMostSet || !stamps_go_on(*this, here)) {
-      restarts.push_back(i);
+      if (here.last.time - here.next.time > kLeastRestart) restarts.push_back(i);
       continue;
     }
     const Nanos usual = here.last.time - clock->places[i - 2].time;
@@ -102,7 +104,7 @@ void Recording::keep_longest_run() {
     }
     was_set_back_ = true;
     warnings_.push_back(fmt::format(
-        "'{}': the clock that it was recorded by was set back by {:.1f} s after {} messages of {}; "
+        "'{}': the clock that it was recorded by was set back by {:.2f} s after {} messages of {}; "
         "stamps go on, and all is read",
         file_, to_s(later), i, printable(clock->name)));
   }

@@ -57,7 +57,7 @@ std::vector<fs::path> parts_of(const fs::path& folder) {
   for (const auto& item : root.at("relative_file_paths").items()) {
     const fs::path named = folder / fs::path(item.text()).filename();
     // Somebody may have packed or unpacked it since.
-    const fs::path others[] = {named, named.string() + ".zstd",
+    const fs::path others[] = {named, named.string() + ".zstd", named.string() + ".zst",
                                named.extension() == ".zstd" ? folder / named.stem() : named};
     const auto* const found = std::ranges::find_if(
         others, [&failed](const fs::path& each) { return fs::is_regular_file(each, failed); });

@@ -4,23 +4,24 @@
 
 namespace pirt {
 
-std::vector<std::size_t> restarts_of(const std::vector<Nanos>& stamps) {
-  constexpr Nanos kFall = std::chrono::seconds(1);
+std::vector<std::size_t> restarts_of(const std::vector<Nanos>& stamps, Nanos least) {
   constexpr std::size_t kRun = 3, kFewOff = 1000;
   const auto rise = [&](std::size_t from) {
     return stamps[from] < stamps[from + 1] && stamps[from + 1] < stamps[from + 2];
   };
   std::vector<std::size_t> restarts;
   for (std::size_t i = kRun; i + kRun <= stamps.size(); ++i) {
-    if (stamps[i - 1] - stamps[i] <= kFall || !rise(i - kRun) || !rise(i)) continue;
+    const Nanos fall = stamps[i - 1] - stamps[i];
+    if (fall <= least || !rise(i - kRun) || !rise(i)) continue;
     // All of the run before are later than where the next begins, and the other way round.
     if (stamps[i - kRun] <= stamps[i] || stamps[i + kRun - 1] >= stamps[i - 1]) continue;
     // A few that are far off lie within one run, which jumps to them and goes on behind them.
     std::size_t late = i, early = i;
     while (late > 0 && i - late < kFewOff && stamps[late - 1] > stamps[i]) --late;
     while (early < stamps.size() && early - i < kFewOff && stamps[early] < stamps[i - 1]) ++early;
+    const Nanos jump = fall > kLeastRestart ? kLeastRestart : least;
     const auto jumps = [&](std::size_t to) {
-      return to > 0 && to < stamps.size() && stamps[to] - stamps[to - 1] > kFall;
+      return to > 0 && to < stamps.size() && stamps[to] - stamps[to - 1] > jump;
     };
     if (!jumps(late) && !jumps(early)) restarts.push_back(i);
   }

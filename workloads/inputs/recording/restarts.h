@@ -9,10 +9,14 @@
 
 namespace pirt {
 
-/// Positions of stamps that are more than a second before the one in front of them, where a run of
+/// What is less is no restart.
+inline constexpr Nanos kLeastRestart = std::chrono::seconds(1);
+
+/// Positions of stamps that are more than @p least before the one in front of them, where a run of
 /// at least three ends and another begins. Some that are far off, between which and the others the
 /// stamps jump both ways, are none.
-[[nodiscard]] std::vector<std::size_t> restarts_of(const std::vector<Nanos>& stamps);
+[[nodiscard]] std::vector<std::size_t> restarts_of(const std::vector<Nanos>& stamps,
+                                                   Nanos least = kLeastRestart);
 
 /// The run between restarts that lasts longest, which is the same one for all topics: its first
 /// position, and that behind its last.

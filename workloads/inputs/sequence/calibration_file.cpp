@@ -114,12 +114,10 @@ GivenCamera ros_camera(const YamlNode& node) {
 GivenCamera euroc_camera(const fs::path& file) {
   GivenCamera camera{.model = read_camera_yaml(file)};
   camera.body_from_camera = camera.model.body_from_camera;
-  const fs::path imu = fs::absolute(file).parent_path().parent_path() / "imu0" / "sensor.yaml";
-  std::error_code failed;
-  if (!fs::exists(imu, failed)) return camera;
-  const YamlNode sensor = read_opencv_yaml(imu);
-  if (!sensor.has("T_BS")) return camera;
-  camera.body_from_camera = extrinsics_of(sensor).inverse() * *camera.body_from_camera;
+  const auto body_from_imu = imu_on_body(fs::absolute(file).parent_path().parent_path());
+  if (body_from_imu) {
+    camera.body_from_camera = body_from_imu->inverse() * *camera.body_from_camera;
+  }
   return camera;
 }
 
@@ -172,6 +170,14 @@ Pose rigid_of(const YamlNode& node, const std::vector<double>& rows) {
 Pose extrinsics_of(const YamlNode& sensor) {
   const YamlNode node = sensor.at("T_BS").at("data");
   return rigid_of(node, numbers_of(node, 16, 16));
+}
+
+std::optional<Pose> imu_on_body(const fs::path& root) {
+  const fs::path file = root / "imu0" / "sensor.yaml";
+  std::error_code failed;
+  if (!fs::exists(file, failed)) return std::nullopt;
+  const YamlNode sensor = read_opencv_yaml(file);
+  return sensor.has("T_BS") ? std::optional(extrinsics_of(sensor)) : std::nullopt;
 }
 
 std::vector<GivenCamera> read_calibration(const fs::path& path) {

@@ -41,5 +41,7 @@ struct GivenCamera {
 [[nodiscard]] Pose rigid_of(const YamlNode& node, const std::vector<double>& rows);
 /// EuRoC's T_BS: where a sensor sits on the body.
 [[nodiscard]] Pose extrinsics_of(const YamlNode& sensor);
+/// As imu0/sensor.yaml of a folder of EuRoC's layout has it, if it is there and says so.
+[[nodiscard]] std::optional<Pose> imu_on_body(const std::filesystem::path& root);
 
 }  // namespace pirt

@@ -146,9 +146,48 @@ std::vector<GivenCamera> given_cameras(const fs::path& root, const ReadOptions& 
   return is_tum_vi ? read_calibration(tum_vi) : std::vector<GivenCamera>();
 }
 
-/// By name: of a folder without cam0 the second one is the first.
-std::vector<GivenCamera> cameras_of(const fs::path& root, std::vector<GivenCamera> given) {
-  if (given.size() > 1 && !fs::exists(root / "cam0")) given.erase(given.begin());
+/// Of the cameras that are read.
+std::vector<std::string> camera_names(const fs::path& root, const ReadOptions& options) {
+  std::vector<std::string> names;
+  for (const char* name : {"cam0", "cam1"}) {
+    if (fs::exists(root / name) && (names.empty() || options.second_camera)) names.push_back(name);
+  }
+  return names;
+}
+
+/// "/cam0/image_raw" is of cam0.
+bool is_of(const GivenCamera& given, const std::string& name) {
+  return ("/" + given.topic + "/").find("/" + name + "/") != std::string::npos;
+}
+
+/// Those of the cameras of these names, in their order: by the topics that the file names if all
+/// are among them, else by place, where the second one is the first of a folder without cam0.
+std::vector<GivenCamera> cameras_of(const std::vector<std::string>& names,
+                                    std::vector<GivenCamera> given,
+                                    std::vector<std::string>& warnings) {
+  std::vector<GivenCamera> named;
+  for (const std::string& name : names) {
+    const auto found =
+        std::ranges::find_if(given, [&name](const GivenCamera& each) { return is_of(each, name); });
+    if (found != given.end()) named.push_back(*found);
+  }
+  if (!named.empty() && named.size() == names.size()) {
+    const std::optional<Pose> first = named.front().first_from_camera;
+    for (GivenCamera& each : named) {
+      if (first && each.first_from_camera) {
+        each.first_from_camera = first->inverse() * *each.first_from_camera;
+      } else {
+        each.first_from_camera.reset();
+      }
+    }
+    return named;
+  }
+  if (given.size() > 1 && !names.empty() && names.front() != "cam0") given.erase(given.begin());
+  for (std::size_t i = 0; i < std::min(names.size(), given.size()); ++i) {
+    if (given[i].topic.empty() || is_of(given[i], names[i])) continue;
+    warnings.push_back(
+        fmt::format("the calibration of {} is taken for {}", given[i].topic, names[i]));
+  }
   return given;
 }
 
@@ -165,12 +204,12 @@ CameraModel placed(const GivenCamera& given, const CameraModel* before, const st
   return model;
 }
 
-void read_cameras(const fs::path& root, const ReadOptions& options,
-                  const std::vector<GivenCamera>& given, Sequence& sequence) {
+void read_cameras(const fs::path& root, const std::vector<std::string>& names,
+                  const ReadOptions& options, const std::vector<GivenCamera>& given,
+                  Sequence& sequence) {
   std::vector<std::vector<Stamped>> pictures;
   std::vector<fs::path> folders;
-  for (const char* name : {"cam0", "cam1"}) {
-    if (!fs::exists(root / name) || (!folders.empty() && !options.second_camera)) continue;
+  for (const std::string& name : names) {
     folders.push_back(root / name);
     pictures.push_back(read_frames(root / name, sequence.warnings));
     const std::size_t camera = sequence.cameras.size();
@@ -323,14 +362,10 @@ Sequence read_euroc(const fs::path& folder, const ReadOptions& options) {
   const fs::path root = fs::exists(folder / "mav0") ? folder / "mav0" : folder;
   Sequence sequence;
   sequence.name = folder.string();
-  const auto given = cameras_of(root, given_cameras(root, options));
-  read_cameras(root, options, given, sequence);
+  const auto names = camera_names(root, options);
+  const auto given = cameras_of(names, given_cameras(root, options), sequence.warnings);
+  read_cameras(root, names, options, given, sequence);
   const bool is_placed = given.empty() || given.front().body_from_camera;
-  Pose body_from_imu;  // Where a calibration that is given has the IMU as body, truth has not.
-  const fs::path sensor = root / "imu0" / "sensor.yaml";
-  if (is_placed && !given.empty() && fs::exists(sensor)) {
-    body_from_imu = extrinsics_of(read_sensor(sensor));
-  }
   if (options.imu && is_placed) read_imu(root, !given.empty(), sequence);
   if (options.imu && !is_placed && fs::exists(root / "imu0")) {
     sequence.warnings.push_back(
@@ -340,8 +375,13 @@ Sequence read_euroc(const fs::path& folder, const ReadOptions& options) {
   for (const char* name : {"state_groundtruth_estimate0", "mocap0"}) {
     const fs::path truth = root / name / "data.csv";
     if (!options.truth.empty() || !sequence.truth.empty() || !fs::exists(truth)) continue;
-    take_truth(sequence, name, [&] { sequence.truth = read_truth_csv(truth, sequence.warnings); });
-    for (TruthRow& row : sequence.truth) row.body = row.body * body_from_imu;
+    take_truth(sequence, name, [&] {
+      sequence.truth = read_truth_csv(truth, sequence.warnings);
+      if (given.empty() || !is_placed) return;
+      // A calibration that is given has the IMU as body, truth has not.
+      const Pose body_from_imu = imu_on_body(root).value_or(Pose{});
+      for (TruthRow& row : sequence.truth) row.body = row.body * body_from_imu;
+    });
     if (is_placed || sequence.truth.empty()) continue;
     sequence.warnings.push_back(
         fmt::format("nobody knows where what {} is of sits on the camera, whose path is estimated: "

@@ -74,7 +74,7 @@ void RecordedCalibrations::fail(const std::string& problem) const {
 std::optional<std::size_t> RecordedCalibrations::info_of(const std::string& name) const {
   std::optional<std::size_t> info;
   const std::string beside = folder_of(name);
-  for (const std::string& folder : {folder_of(beside), beside}) {
+  for (const std::string& folder : {folder_of(base_topic(name)), beside}) {
     for (const std::size_t each : recording_.of_type(CameraInfoMessage::kType)) {
       if (recording_.topics()[each].name == folder + "/camera_info") info = each;
     }

@@ -79,10 +79,18 @@ class TopicChoice {
            join(recording_.warnings(), "; "));
     }
     if (found.size() == 1) return found;
-    std::vector<std::size_t> usable;
+    std::vector<std::size_t> readable, usable;
     std::vector<std::string> names, left_out;
     for (const std::size_t each : found) {
-      const std::string why_not = no_camera(each, found);
+      const std::string why_not = no_pictures(recording_, each);
+      if (why_not.empty()) {
+        readable.push_back(each);
+      } else {
+        left_out.push_back(topic(each).name + " " + why_not);
+      }
+    }
+    for (const std::size_t each : readable) {
+      const std::string why_not = no_camera(each, readable);
       if (why_not.empty()) {
         usable.push_back(each);
         names.push_back(topic(each).name);
@@ -102,10 +110,8 @@ class TopicChoice {
     return usable;
   }
 
-  /// Why one of several topics is not to be taken; empty = it may be.
+  /// Why one of several topics with pictures is not to be taken; empty = it may be.
   [[nodiscard]] std::string no_camera(std::size_t id, const std::vector<std::size_t>& all) const {
-    const std::string why_not = no_pictures(recording_, id);
-    if (!why_not.empty()) return why_not;
     for (const std::size_t other : all) {
       if (is_same_camera(topic(other).name, topic(id).name)) return "shows " + topic(other).name;
     }
