@@ -57,7 +57,7 @@ Environment run_facts(const Platform& platform, const ImageSource& images,
   facts["images"] = images.describe();
   facts["images_hash"] = fmt::format("{:016x}", images.content_hash());
   facts["program_hash"] = program_hash(program);
-  facts["platform_hash"] = fmt::format("{:016x}", Hash64().add(platform.text).value());
+  facts["platform_hash"] = platform_hash(platform);
   if (!platform.assumptions.empty()) facts["assumptions"] = platform.assumptions;
   return facts;
 }

@@ -112,6 +112,10 @@ Findings heat(const DoctorInput& input) {
 }
 
 Findings power_supply(const DoctorInput& input) {
+  if (input.before.host.low_voltage || (input.after && input.after->host.low_voltage)) {
+    return {{"power_supply", Level::kSpoils, "its voltage is too low (rpi_volt: in0_lcrit_alarm)",
+             "the firmware lowers the clock", "give the board a stronger supply"}};
+  }
   std::error_code failed;
   bool mains = false, online = false, battery = false, outlet = false;
   const auto folder = input.root / "sys/class/power_supply";

@@ -322,8 +322,13 @@ void DuetComparison::start_series(DuetCellState& state, const std::string& order
     const bool base_has = time_of(of_base, phase).has_value();
     const bool candidate_has = time_of(of_candidate, phase).has_value();
     if (!times || !(has_phases || (base_has && candidate_has))) {
-      // Of what only one has the checks tell.
-      if (!has_phases && base_has == candidate_has) {
+      // Of what only one has the checks tell; parts of a call are seen in it, and a phase that took
+      // no time by the clock is none that is missing.
+      const bool no_time = has_phases && std::ranges::any_of(seconds, [&](const Seconds& of) {
+                             const auto its = of.find(phase);
+                             return its != of.end() && its->second <= 0;
+                           });
+      if (base_has == candidate_has && !no_time && !(has_phases && is_part_of_call(phase))) {
         RunsWithout& without = state.passing[phase];
         const Sample& knows = *state.checks[of_base.contains(phase) ? 0 : 1];
         const Measure measure = measure_of(knows, phase);

@@ -59,7 +59,8 @@ struct DuetCellState {
   std::array<std::string, 2> failures;  ///< By side: why it has no more samples; empty = none.
   std::string not_comparable;           ///< Empty = it is.
   std::map<std::string, DuetSeries> series;
-  /// Figures of commands that some of the first processes of both have above 0, and others not.
+  /// Figures, but parts of calls, that some of the first processes of both have above 0, and others
+  /// not.
   std::map<std::string, RunsWithout> passing;
   std::size_t blocks = 0, canaries = 0;
 

@@ -306,7 +306,7 @@ Ledger::Event ledger_key(const DuetPrograms& programs, const std::vector<DuetCel
   return {{"baseline", built_key(programs.baseline)},
           {"candidate", built_key(programs.candidate)},
           {"platform", programs.platform_argument},
-          {"platform_text", fmt::format("{:016x}", Hash64().add(programs.platform.text).value())},
+          {"platform_text", platform_hash(programs.platform)},
           {"machine", machine_key()},
           {"cells", names},
           {"seed", programs.seed},

@@ -61,12 +61,13 @@ std::optional<CoreTimes> read_times(const std::vector<int>& cores,
 }
 
 /// Whether a cooling device slows a processor down, as its type says. @source cpufreq_cooling.c
-/// (new and old), devfreq_cooling.c, cpuidle_cooling.c, the ACPI processor's driver,
+/// (new and old), devfreq_cooling.c, cpuidle_cooling.c (new and old), the ACPI processor's driver,
 /// intel_powerclamp.c (thermald's), and the balanced throttling of L4T's kernels 3.10, 4.4 and 4.9.
 bool slows(const std::string& type) {
   const auto has = [&type](const char* part) { return type.find(part) != std::string::npos; };
-  return has("cpufreq") || has("devfreq") || has("thermal-idle") || type.ends_with("-balanced") ||
-         type == "tegra-heavy" || type == "intel_powerclamp" || type == "Processor";
+  return has("cpufreq") || has("devfreq") || has("thermal-idle") || type.starts_with("idle-") ||
+         type.ends_with("-balanced") || type == "tegra-heavy" || type == "intel_powerclamp" ||
+         type == "Processor";
 }
 
 /// Boards of Arm count no thermal events: their kernels limit the clock by cooling devices.
@@ -81,6 +82,15 @@ std::optional<std::int64_t> sum_of_coolers(const std::filesystem::path& root, co
     if (value) total = total.value_or(0) + std::max<std::int64_t>(0, *value);
   }
   return total;
+}
+
+/// Firmware of a Raspberry Pi tells nobody but this driver. Its other file, get_throttled, has
+/// more, but who reads it makes newer kernels warn. @source Documentation/hwmon/raspberrypi-hwmon.
+bool has_low_voltage(const std::filesystem::path& root) {
+  return std::ranges::any_of(folder_entries(root / "sys/class/hwmon"), [](const auto& device) {
+    return first_line(device / "name") == "rpi_volt" &&
+           read_number(device / "in0_lcrit_alarm").value_or(0) != 0;
+  });
 }
 
 std::optional<std::int64_t> read_heat(const std::vector<int>& cores,
@@ -184,6 +194,7 @@ HostCounters read_host_counters(const std::vector<int>& cores, const std::filesy
   counters.heat_events = read_heat(cores, root);
   counters.cooled = sum_of_coolers(root, "cur_state");
   counters.max_khz = read_max_khz(cores, root);
+  counters.low_voltage = has_low_voltage(root);
   counters.quota_wait = read_quota_wait(root);
   return counters;
 }
@@ -209,7 +220,7 @@ bool was_throttled(const HostCounters& before, const HostCounters& after) {
                      to_s(*after.quota_wait - *before.quota_wait) > kThrottledShare * wall_s;
   const bool cooled = std::max(before.cooled.value_or(0), after.cooled.value_or(0)) > 0;
   const bool limited = before.max_khz && after.max_khz && *after.max_khz != *before.max_khz;
-  return heat || quota || cooled || limited;
+  return heat || quota || cooled || limited || before.low_voltage || after.low_voltage;
 }
 
 }  // namespace

@@ -26,6 +26,7 @@ struct HostCounters {
   std::optional<std::int64_t> heat_events;
   std::optional<std::int64_t> cooled;   ///< Steps by which processors are slowed down for heat.
   std::optional<std::int64_t> max_khz;  ///< The sum of the cores' limits, which heat lowers.
+  bool low_voltage = false;  ///< Of the supply, for which a board's firmware lowers the clock.
   /// Time that this process' control group and each one around it were held back by their quotas.
   std::optional<Nanos> quota_wait;
 };

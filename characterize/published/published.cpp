@@ -172,7 +172,8 @@ std::string name_of(const std::string& said, char gap) {
 }
 
 std::optional<std::string> published_platform(const Profile& profile) {
-  PublishedBoard board{.name = profile.platform(), .said = profile.path};
+  // Nothing of where it lies: it is the same platform in each copy.
+  PublishedBoard board{.name = profile.platform(), .said = profile.platform()};
   for (const RunInfo& run : profile.runs) {
     for (const UnitRecord& unit : run.units) {
       if (unit.backend != kPublished && unit.backend != kImported) return std::nullopt;
@@ -181,7 +182,7 @@ std::optional<std::string> published_platform(const Profile& profile) {
     }
   }
   if (board.units.empty()) return std::nullopt;
-  return published_platform(board, profile.path);
+  return published_platform(board, "its database");
 }
 
 std::string board_of(const std::string& file) {

@@ -65,6 +65,37 @@ TEST(Packages, AreInstalledIfThoseOfThisArchitectureAre) {
   EXPECT_EQ(answer("amd64 installed\narm64 config-files\n"), "== packages: installing one\n");
 }
 
+// As where a mirror fails, or a release has not what one of them needs.
+TEST(Packages, OfAStageThatAreNotThereLeaveTheOtherStages) {
+  const Scratch scratch;
+  for (const char* const folder : {"bin", "cli", "tests"}) {
+    fs::create_directory(scratch.file(folder));
+  }
+  for (const char* const script : {"cli/packages.sh", "tests/run.sh"}) {
+    fs::copy_file(fs::path(kSourceFolder) / script, scratch.file(script));
+  }
+  scratch.write("tests/stages.sh",
+                "debian_release() { echo trixie; }\n"
+                "stage first . nosuch 'a stage' true\n"
+                "stage second . 'there clang-14' 'a stage' true\n"
+                "stage third . there 'a stage' true\n");
+  for (const auto& [name, script] :
+       {std::pair("apt-get", "exit 100"),
+        {"sudo", "exec \"$@\""},
+        {"dpkg-query", "case $* in *there) echo all installed ;; *) exit 1 ;; esac"}}) {
+    const auto stub =
+        scratch.write(std::string("bin/") + name, "#!/bin/sh\n" + std::string(script));
+    fs::permissions(stub, fs::perms::owner_all);
+  }
+  const auto outcome = run("GIT_DIR=/nowhere PATH=" + quoted(scratch.file("bin")) + ":$PATH bash " +
+                           quoted(scratch.file("tests/run.sh")) + " --long");
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  EXPECT_THAT(outcome.out, testing::HasSubstr("first: FAILED, its packages"));
+  EXPECT_THAT(outcome.out, testing::HasSubstr("second: SKIPPED, clang 14"));
+  EXPECT_THAT(outcome.out, testing::HasSubstr("third: passed"));
+  EXPECT_THAT(outcome.out, testing::EndsWith("tests: FAILED: first\n"));
+}
+
 TEST(Packages, BuildAllTargetsThatAreNamed) {
   EXPECT_THAT(said("cmake() { printf \"<%s>\" \"$@\"; }; "
                    "PIRT_TARGET=\"pirt pirt_manual\" build_pirt folder"),

@@ -195,7 +195,8 @@ TEST_F(RegressCommands, ALedgerIsOfWhatScriptsAndWrappersRun) {
   std::filesystem::create_directory(scratch_.file("build"));
   std::filesystem::create_symlink(script("build/bench", "echo a 1 s"), scratch_.file("link"));
   scratch_.write("build/libbench.so", "1");
-  const std::string base = "sh -c '" + script("inner", "echo a 1 s") + " 2>/dev/null'";
+  const auto folder = std::filesystem::path(script("inner", "echo a 1 s")).parent_path().string();
+  const std::string base = "sh -c 'cd " + folder + " && ./inner 2>/dev/null'";
   const std::string candidate = "env " + scratch_.file("link");
   ASSERT_EQ(compare(base, candidate, "lines").exit_code, 0);
   EXPECT_EQ(go_on(base, candidate, "lines").exit_code, 0);

@@ -464,6 +464,12 @@ TEST_F(Doctor, FindsWhatHappenedWhileItLooked) {
   EXPECT_EQ(finding_of(input, "swap").found, "12 pages moved while doctor looked");
 }
 
+TEST_F(Doctor, FindsThatABoardIsSlowedDownForItsSupply) {
+  auto input = input_of(test::healthy_board(folder.path()));
+  input.after->host.low_voltage = true;
+  EXPECT_EQ(finding_of(input, "power_supply").level, Level::kSpoils);
+}
+
 TEST_F(Doctor, FindsThatABoardIsSlowedDownForHeat) {
   test::RecordedMachine board = test::healthy_board(folder.path());
   EXPECT_EQ(finding_of(input_of(board), "heat").level, Level::kGood);

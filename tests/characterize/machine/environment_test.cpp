@@ -442,7 +442,7 @@ TEST(HostLoad, KnowsWhatSlowsProcessorsDownByItsName) {
     return interference(counters, counters, 1).throttled;
   };
   for (const char* type : {"cpu-balanced", "gpu-balanced", "emergency-balanced", "tegra-heavy",
-                           "intel_powerclamp", "thermal-idle-0", "Processor"}) {
+                           "intel_powerclamp", "thermal-idle-0", "idle-cpu0", "Processor"}) {
     EXPECT_TRUE(throttled(type, "1")) << type;
     EXPECT_FALSE(throttled(type, "0")) << type;
   }
@@ -453,6 +453,18 @@ TEST(HostLoad, KnowsWhatSlowsProcessorsDownByItsName) {
   put(both, "sys/class/thermal/cooling_device1/type", "thermal-cpufreq-0\n");
   put(both, "sys/class/thermal/cooling_device1/cur_state", "1\n");
   EXPECT_EQ(read_host_counters({0}, both.path()).cooled, 1) << "what is off takes nothing off";
+}
+
+TEST(HostLoad, NoticesThatABoardIsSlowedDownForItsSupply) {
+  const TemporaryFolder root;
+  put(root, "sys/class/hwmon/hwmon0/name", "other\n");
+  put(root, "sys/class/hwmon/hwmon0/in0_lcrit_alarm", "1\n");
+  put(root, "sys/class/hwmon/hwmon1/name", "rpi_volt\n");
+  put(root, "sys/class/hwmon/hwmon1/in0_lcrit_alarm", "0\n");
+  const auto before = read_host_counters({0}, root.path());
+  EXPECT_FALSE(interference(before, before, 1).throttled);
+  put(root, "sys/class/hwmon/hwmon1/in0_lcrit_alarm", "1\n");
+  EXPECT_TRUE(interference(before, read_host_counters({0}, root.path()), 1).throttled);
 }
 
 TEST(HostLoad, NoticesThatThePackageOfACoreIsAtItsLimit) {
