@@ -23,6 +23,7 @@ make_sysroot() {
   rm -rf "$sysroot"
   mmdebstrap --variant=extract --architectures=arm64 --include="$packages" --logfile="$sysroot.log" "$release" "$sysroot" \
     http://deb.debian.org/debian || { tail -n 5 "$sysroot.log" >&2; exit 4; }
+  [[ -e $sysroot/lib ]] || ln -s usr/lib "$sysroot/lib"  # base-files' link, which nothing that is linked needs
   # Links within it, which would lead out of it; and those that its packages' scripts would have made.
   find "$sysroot/usr/lib" "$sysroot/lib" -lname '/*' | while read -r link; do ln -srfn "$sysroot$(readlink "$link")" "$link"; done
   for link in blas lapack; do

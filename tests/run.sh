@@ -89,7 +89,15 @@ run_stage() {
   local begun=$SECONDS packages code was took
   current=$1
   read -ra packages <<<"${installs[$current]}"
-  install_packages "${packages[@]}"
+  if [[ ${packages[*]} == *-14* && $(debian_release 2>/dev/null) == trixie ]]; then
+    say "$current: SKIPPED, clang 14 is Debian 12's"
+    return
+  fi
+  if ! install_packages "${packages[@]}"; then
+    failed+=("$current")
+    say "$current: FAILED, its packages cannot be installed"
+    return
+  fi
   if has_passed "$current" && ! $2; then
     say "$current: has passed with the same sources, $(tail -n 1 "$stamps/$current") (--fresh runs it again)"
     return

@@ -17,6 +17,7 @@
 #include <utility>
 
 #include "workloads/backends/dsp/elf.h"
+#include "workloads/backends/dsp/tools.h"
 #include "workloads/base/contract.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/child.h"
@@ -77,15 +78,8 @@ Cost cost_of(const PirtDspCounts& counts) {
           static_cast<std::int64_t>(counts.misses)};
 }
 
-/// As qemu reads values of options: a comma stands twice.
-std::string quoted(const std::filesystem::path& path) {
-  std::string text;
-  for (const char c : path.string()) text.append(c == ',' ? 2 : 1, c);
-  return text;
-}
-
 std::string plugin_with_arguments(const SessionOptions& options) {
-  std::string text = quoted(options.plugin);
+  std::string text = "file=" + quoted(options.plugin);
   if (options.models_memory) text += ",memory=on";
   if (!options.profile.empty()) text += ",profile=" + quoted(options.profile);
   return text;

@@ -108,20 +108,26 @@ Tools find_tools() {
   return tools;
 }
 
+std::string quoted(const fs::path& path) {
+  std::string text;
+  for (const char c : path.string()) text.append(c == ',' ? 2 : 1, c);
+  return text;
+}
+
 std::string emulator_version(const Tools& tools) {
   const FileDescriptor said(::memfd_create("pirt-dsp-version", MFD_CLOEXEC));
   const std::string path = tools.emulator.string();
-  const int status = wait_for(start_asking(path, tools.plugin.string(), said.get()), path);
-  std::array<char, 200> text{};
+  const int status = wait_for(start_asking(path, "file=" + quoted(tools.plugin), said.get()), path);
+  std::array<char, 4096> text{};  // loader and libraries may speak first
   const auto size = ::pread(said.get(), text.data(), text.size(), 0);
-  const std::string line(text.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
+  const std::string words(text.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
   // "qemu-hexagon version 7.2.22 (Debian ...)"
-  constexpr std::string_view kBefore = "version ";
-  const auto at = line.find(kBefore);
-  if (status != 0 && line.find("unknown option") != std::string::npos) {
+  constexpr std::string_view kBefore = "qemu-hexagon version ";
+  const auto at = words.find(kBefore);
+  if (at == std::string::npos && words.find("unknown option") != std::string::npos) {
     throw_environment(fmt::format(
-        "'{}' takes no plugin, which counts the packets; install a qemu-user with plugins (that of "
-        "Debian 12 has them, that of Debian 13 has not)",
+        "'{}' takes no plugin, which counts the packets; install a qemu-user of 7.2 to 8.2 with "
+        "plugins (Debian 12's is one, Debian 13's is not)",
         path));
   }
   if (status != 0 || at == std::string::npos) {
@@ -130,7 +136,7 @@ std::string emulator_version(const Tools& tools) {
   }
   const auto begin = at + kBefore.size();
   return fmt::format("qemu-hexagon {}",
-                     line.substr(begin, line.find_first_of(" \n", begin) - begin));
+                     words.substr(begin, words.find_first_of(" \n", begin) - begin));
 }
 
 std::string program_hash(const Tools& tools) {

@@ -14,6 +14,9 @@ struct Tools {
 /// qemu-hexagon from PATH, the others from where pirt is installed or was built.
 [[nodiscard]] Tools find_tools();
 
+/// @p path as qemu reads values of options: a comma stands twice.
+[[nodiscard]] std::string quoted(const std::filesystem::path& path);
+
 /// "qemu-hexagon 7.2.22"; asks the emulator, and waits a few seconds for its answer.
 /// @throws Error{kEnvironment} if it does not run, takes no plugin, says something else, or does
 ///     not answer.
