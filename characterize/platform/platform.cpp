@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "characterize/platform/platform_file.h"
+#include "characterize/platform/shipped.h"
 #include "platform_files.h"
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
@@ -23,8 +24,6 @@ namespace pirt {
 namespace {
 
 constexpr std::array<std::string_view, 6> kRoles = {"cpu", "gpu", "dsp", "fpga", "cloud", "other"};
-
-constexpr std::string_view kSuffix = ".yaml";
 
 Platform read(const std::string& file, const std::string& text,
               const std::vector<YamlOverride>& overrides, std::span<const PhysicalCore> machine) {
@@ -114,19 +113,7 @@ std::vector<std::string> Platform::unit_names() const {
 }
 
 Platform load_platform(const std::string& name, const std::vector<YamlOverride>& overrides) {
-  std::string file = name;
-  std::string text;
-  if (names_a_file(name)) {
-    text = read_text(name);
-  } else {
-    file += kSuffix;
-    const auto shipped = find_embedded(platform_files::files(), file);
-    if (!shipped) {
-      throw_bad_input("unknown platform '" + name + "'" + suggestion(name, shipped_platforms()) +
-                      "; a file is named with a '/' or ends in .yaml");
-    }
-    text = *shipped;
-  }
+  const auto [file, text] = read_named("platform", name, platform_files::files());
   Platform platform = read(file, text, overrides, physical_cores(usable_cores()));
   platform.argument = name;
   return platform;
@@ -143,14 +130,7 @@ Platform parse_platform(const std::string& file, const std::string& text,
   return read(file, text, overrides, cores);
 }
 
-std::vector<std::string> shipped_platforms() {
-  std::vector<std::string> names;
-  for (const auto& file : platform_files::files()) {
-    names.emplace_back(file.name.substr(0, file.name.size() - kSuffix.size()));
-  }
-  std::ranges::sort(names);
-  return names;
-}
+std::vector<std::string> shipped_platforms() { return names_of(platform_files::files()); }
 
 std::string platform_hash(const Platform& platform) {
   return fmt::format("{:016x}", Hash64().add(platform.text).value());
@@ -193,10 +173,6 @@ std::vector<YamlOverride> parse_overrides(const std::vector<std::string>& texts)
   std::vector<YamlOverride> overrides;
   for (const auto& text : texts) overrides.push_back(parse_override(text));
   return overrides;
-}
-
-bool names_a_file(std::string_view name) {
-  return name.find('/') != std::string_view::npos || name.ends_with(kSuffix);
 }
 
 }  // namespace pirt

@@ -8,7 +8,7 @@
 #include <span>
 #include <utility>
 
-#include "characterize/platform/platform.h"
+#include "characterize/platform/shipped.h"
 #include "mix_files.h"
 #include "scheduler/mix/dependency_order.h"
 #include "workloads/base/error.h"
@@ -19,7 +19,6 @@
 namespace pirt {
 namespace {
 
-constexpr std::string_view kSuffix = ".yaml";
 // Hz. At the least rate the second firing comes after eleven days: the time of any firing that a
 // run may reach, and of the one after it, is far inside int64 nanoseconds.
 constexpr double kMinRate = 1e-6;
@@ -431,31 +430,12 @@ Mix parse_mix(const std::string& file, const std::string& text) {
 }
 
 Mix load_mix(const std::string& name) {
-  std::string file = name;
-  std::string text;
-  if (names_a_file(name)) {
-    text = read_text(name);
-  } else {
-    file += kSuffix;
-    const auto shipped = find_embedded(mix_files::files(), file);
-    if (!shipped) {
-      throw_bad_input("unknown mix '" + name + "'" + suggestion(name, shipped_mixes()) +
-                      "; a file is named with a '/' or ends in .yaml");
-    }
-    text = *shipped;
-  }
+  const auto [file, text] = read_named("mix", name, mix_files::files());
   Mix mix = parse_mix(file, text);
   mix.argument = name;
   return mix;
 }
 
-std::vector<std::string> shipped_mixes() {
-  std::vector<std::string> names;
-  for (const auto& file : mix_files::files()) {
-    names.emplace_back(file.name.substr(0, file.name.size() - kSuffix.size()));
-  }
-  std::ranges::sort(names);
-  return names;
-}
+std::vector<std::string> shipped_mixes() { return names_of(mix_files::files()); }
 
 }  // namespace pirt

@@ -15,10 +15,17 @@ std::optional<double> in_ms(const std::optional<Nanos>& time) {
   return time ? std::optional(to_ms(*time)) : std::nullopt;
 }
 
+/// Absent where the folder that it is in is gone, or it has no path.
+std::optional<std::string> absolute(const std::string& path) {
+  std::error_code none;
+  const auto file = std::filesystem::absolute(path, none);
+  return none ? std::nullopt : std::optional(file.lexically_normal().string());
+}
+
 /// Absent for what is shipped.
 std::optional<std::string> file_of(const std::string& argument) {
   if (!names_a_file(argument)) return std::nullopt;
-  return std::filesystem::absolute(argument).string();
+  return absolute(argument);
 }
 
 /// A record is handed on: "cloud.server=nats://USER:PASSWORD@host".
@@ -214,9 +221,7 @@ RunRecord summarize(const Scenario& run, const Profile* profile, const WeightTab
                          without_password);
   if (profile != nullptr) {
     record.profile = profile->path;
-    std::error_code none;  // It has no path, or its folder is gone.
-    const auto file = std::filesystem::absolute(profile->path, none);
-    if (!none) record.profile_file = file.lexically_normal().string();
+    record.profile_file = absolute(profile->path);
   }
   record.mix = run.mix.name;
   record.mix_file = file_of(run.mix.argument);
