@@ -86,7 +86,7 @@ class Robot {
   void call() {
     while (!ends_) {
       const Nanos begin = pirt::MachineClock().now();
-      const auto task = test::make_submission(workload_, {.tens_of_ms = kServiceMs / 10});
+      const auto task = test::make_message(workload_, {.tens_of_ms = kServiceMs / 10});
       if (!test::Submitted(link_, task).end(kLong).problem.empty()) continue;
       const std::lock_guard lock(mutex_);
       took_ms_.push_back(pirt::to_ms(pirt::MachineClock().now() - begin));
@@ -193,31 +193,38 @@ class ByHand {
     robot_.subscribe("bench.answer", [this](const Incoming& message) {
       const auto reply = decode_as<ReplyMessage>(message.data);
       if (reply.kind == ReplyKind::kRunning) return;
-      const std::lock_guard lock(mutex_);
-      came_ = true;
-      changed_.notify_all();
+      came();
     });
     worker_.subscribe("bench.echo", [this](const Incoming& message) {
-      worker_.publish(message.reply, message.data);
+      worker_.publish("bench.reply", message.data);
     });
+    robot_.subscribe("bench.reply", [this](const Incoming&) { came(); });
     // The server knows of all that, once it answers.
-    static_cast<void>(worker_.request("$JS.API.INFO", "", kLong));
-    static_cast<void>(robot_.request("$JS.API.INFO", "", kLong));
+    static_cast<void>(worker_.request("$JS.API.INFO", {}, kLong));
+    static_cast<void>(robot_.request("$JS.API.INFO", {}, kLong));
   }
   void call(const Bytes& data) {
     data_ = &data;
-    robot_.publish("bench.offer", {});
+    say("bench.offer", {});
+  }
+  void request(const Bytes& data) { say("bench.echo", data); }
+
+ private:
+  /// Until its reply has come.
+  void say(const std::string& subject, pirt::cloud::ByteView data) {
+    robot_.publish(subject, data);
     std::unique_lock lock(mutex_);
     if (!changed_.wait_for(lock, kLong, [this] { return came_; })) {
       throw std::runtime_error("no reply");
     }
     came_ = false;
   }
-  void request(const Bytes& data) {
-    if (!robot_.request("bench.echo", data, kLong).came) throw std::runtime_error("no reply");
+  void came() {
+    const std::lock_guard lock(mutex_);
+    came_ = true;
+    changed_.notify_all();
   }
 
- private:
   std::mutex mutex_;
   std::condition_variable changed_;
   const Bytes* data_ = nullptr;
@@ -238,7 +245,7 @@ std::vector<double> times_ms(int tasks, const Call& call) {
 }
 
 /// A task, and until it has ended.
-void call_and_wait(RobotLink& robot, const Submission& task) {
+void call_and_wait(RobotLink& robot, const TaskMessage& task) {
   const ReplyMessage end = test::Submitted(robot, task).end(kLong);
   if (!end.problem.empty()) fmt::print(stderr, "{}\n", end.problem), std::abort();
 }
@@ -254,7 +261,7 @@ bool overhead(int tasks) {
   RobotLink robot(robot_options(server.url(), "robot"));
   if (!robot.wait_until_up(kLong)) throw std::runtime_error(robot.why_down());
   ByHand plain(server.url());
-  const Submission task = test::make_submission(echo, {});
+  const TaskMessage task = test::make_message(echo, {});
   std::vector<double> request, hand, ours;
   for (int round = 0; round < 5; ++round) {  // In turns.
     const auto add = [](std::vector<double>& to, std::vector<double> more) {
@@ -292,7 +299,7 @@ std::vector<double> rates(double seconds, bool greedy) {
     links.push_back(std::make_unique<RobotLink>(robot_options(server.url(), name)));
     if (!links.back()->wait_until_up(kLong)) throw std::runtime_error(links.back()->why_down());
   }
-  const Submission task = test::make_submission(small, {.tens_of_ms = kServiceMs / 10});
+  const TaskMessage task = test::make_message(small, {.tens_of_ms = kServiceMs / 10});
   const auto submit = [&](RobotLink& link) { static_cast<void>(test::Submitted(link, task)); };
   if (greedy) {
     for (int i = 0; i < 100 * static_cast<int>(seconds); ++i) submit(*links[0]);
@@ -330,7 +337,7 @@ bool memory(int tasks) {
   const WorkerLink worker(worker_options(server.url(), 0), known);
   RobotLink robot(robot_options(server.url(), "robot"));
   if (!robot.wait_until_up(kLong)) throw std::runtime_error(robot.why_down());
-  const Submission task = test::make_submission(small, {});
+  const TaskMessage task = test::make_message(small, {});
   double first = 0, last = 0;
   for (int i = 0; i < tasks; ++i) {
     call_and_wait(robot, task);
@@ -375,11 +382,11 @@ bool hedge(int tasks) {
     options.limits.hedge_p95 = hedges;
     RobotLink robot(options);
     if (!robot.wait_until_up(kLong)) throw std::runtime_error(robot.why_down());
-    const Submission task = test::make_submission(small, {});
+    const TaskMessage task = test::make_message(small, {});
     took.push_back(times_ms(tasks, [&] { call_and_wait(robot, task); }));
     if (hedges) {
       const CallerCounts counts = robot.ask(&Caller::counts);
-      extra = static_cast<double>(counts.hedged) / static_cast<double>(counts.submitted);
+      extra = static_cast<double>(counts.hedged) / static_cast<double>(counts.done);
     }
   }
   const double without = quantile(took[0], 0.99), with = quantile(took[1], 0.99);

@@ -151,6 +151,24 @@ TEST_F(CloudTest, AnOutboxIsRefusedWithTheReason) {
   }
 }
 
+// A service's processes may all hear what is for the worker.
+TEST_F(CloudTest, ASlotEndsWithItsLineAndWithNoSignal) {
+  const std::string script = scratch->write("slot.py", R"(
+import os, signal, socket, subprocess, sys
+ours, theirs = socket.socketpair()
+slot = subprocess.Popen([sys.argv[1], 'cloud-slot'], pass_fds=[3],
+                        preexec_fn=lambda: os.dup2(theirs.fileno(), 3))
+theirs.close()
+assert len(ours.recv(8)) == 8  # It is ready.
+for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    slot.send_signal(each)
+ours.close()
+assert slot.wait(60) == 0, slot.returncode
+)");
+  const auto outcome = run("python3 " + quoted(script) + " " + quoted(kProgram));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+}
+
 TEST_F(CloudTest, WhatIsOutOfReachIsNamedWithItsRemedy) {
   scratch->write("board.yaml", R"(
 platform: board

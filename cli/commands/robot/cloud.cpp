@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <map>
 #include <memory>
 #include <optional>
@@ -24,6 +25,7 @@
 #include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/catalog/own_list.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/recognition/scene_workload.h"
 #include "workloads/recognition/specs.h"
 
@@ -80,6 +82,12 @@ void add_computing(Command& command, CloudFlags& options) {
   command.option("--classifier").needs(command.option("--model"));
 }
 
+/// @throws Error{kEnvironment} in a build without the cloud.
+void check_built() {
+  const Probe probe = find_backend("nats").probe();
+  if (!probe.available) throw_environment("backend nats is unavailable: " + probe.reason);
+}
+
 /// By the user's models, in the size that is announced.
 std::optional<Workload> description(const CloudFlags& options) {
   if (!options.model.model) return std::nullopt;
@@ -125,7 +133,10 @@ std::map<const Workload*, Nanos> call_limits(const CloudFlags& options,
   for (const Workload* each : known) {
     const auto call = longest(*each, Phase::kCall);
     if (!call) continue;
-    limits[each] = time_limit(*call + longest(*each, Phase::kPrepare).value_or(Nanos::zero()));
+    const OwnOperation* const own = own_operation(*each);
+    const Nanos least = kLeastTimeLimit + (own != nullptr ? own->ends_by_itself : Nanos::zero());
+    limits[each] =
+        time_limit(*call + longest(*each, Phase::kPrepare).value_or(Nanos::zero()), least);
   }
   if (limits.empty()) {
     throw_bad_input("profile '" + *options.profile + "' has no rows of unit " + options.unit +
@@ -159,6 +170,9 @@ const Backend& computing_backend(const CloudFlags& options) {
 
 /// A process of a worker's: what it computes may crash.
 int work_in_slot(const CloudFlags& options) {
+  // Its worker ends it, and lets it finish, also where all of a service hears them.
+  for (const int each : {SIGINT, SIGTERM, SIGHUP}) std::signal(each, SIG_IGN);
+  check_built();
   load(options.own.all());
   const Backend& backend = computing_backend(options);
   const auto bytes = static_cast<std::uint64_t>(options.cache_mb) << 20;
@@ -170,33 +184,47 @@ int work_in_slot(const CloudFlags& options) {
 }
 
 int work(const CloudFlags& options) {
+  check_built();
   learn(options.own.all());
   const Backend& backend = computing_backend(options);
   if (const Probe probe = backend.probe(); !probe.available) throw_environment(probe.reason);
   const auto own = description(options);
   const auto known = known_on(backend, own);
   const auto limits = call_limits(options, known);
-  cloud::WorkerOptions worker{
-      .connection = options.connection,
-      .name = options.name.empty() ? default_name() : options.name,
-      .version = std::string(build_info().version),
-      .limits = {.slots = options.slots},
-      .call_bytes = static_cast<std::uint64_t>(options.cache_mb) << 20,
-      .make_computer = [&options, &limits] {
-        return cloud::make_process_computer({.command = slot_command(options),
-                                             .call_limit = parse_duration(options.call_limit),
-                                             .call_limits = limits});
-      }};
+  const auto limit_of = [&limits,
+                         other = parse_duration(options.call_limit)](const Workload& each) {
+    const auto row = limits.find(&each);
+    return row != limits.end() ? row->second : other;
+  };
+  cloud::WorkerOptions worker{.connection = options.connection,
+                              .name = options.name.empty() ? default_name() : options.name,
+                              .version = std::string(build_info().version),
+                              .limits = {.slots = options.slots},
+                              .call_bytes = static_cast<std::uint64_t>(options.cache_mb) << 20,
+                              .make_computer = [&options, limit_of] {
+                                return cloud::make_process_computer(
+                                    {.command = slot_command(options), .call_limit = limit_of});
+                              }};
   // Whether they are models that can be run shows now, and not at the first task.
   if (own) static_cast<void>(recognition::open_described(*own));
   const std::atomic<bool>* const stop = stop_on_signal();
   cloud::serve(
       worker, known, [stop] { return stop->load(); },
-      [](const std::string& line) { emit_text(line + "\n", {}); });
+      [](const std::string& line) {
+        try {
+          emit_text(line + "\n", {});
+        } catch (const Error&) {  // A full disk under what it says is no end of a service.
+        }
+      });
   return 0;
 }
 
-int administer(const CloudFlags& options) {
+int administer(const CloudFlags& options, bool sets_up) {
+  check_built();
+  if (!sets_up) {
+    emit_text(cloud::permissions(options.robots), {});
+    return 0;
+  }
   const auto done = cloud::administer(
       options.connection, {.robots = options.robots,
                            .robot_bytes = static_cast<std::uint64_t>(options.robot_mb) << 20});
@@ -257,11 +285,7 @@ void add_cloud_admin(CLI::App& app, Action& action) {
       "Example: pirt cloud-admin permissions --robots r1,r2 > permissions.conf\n"
       "         pirt cloud-admin setup --server nats://admin:PASSWORD@127.0.0.1:4222 --robots "
       "r1,r2");
-  command.runs(action, [options, what] {
-    if (*what == "setup") return administer(*options);
-    emit_text(cloud::permissions(options->robots), {});
-    return 0;
-  });
+  command.runs(action, [options, what] { return administer(*options, *what == "setup"); });
 }
 
 }  // namespace pirt::cli

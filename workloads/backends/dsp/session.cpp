@@ -271,11 +271,7 @@ std::string ProgramSession::how_it_ended() {
   while ((got = ::waitpid(process_, &status, 0)) < 0 && errno == EINTR) {
   }
   process_ = -1;
-  std::string how = got < 0 ? kEndNotKnown : fmt::format("ended with code {}", WEXITSTATUS(status));
-  if (WIFSIGNALED(status)) {
-    const char* const signal = ::sigabbrev_np(WTERMSIG(status));
-    how = fmt::format("crashed (SIG{})", signal != nullptr ? signal : "?");
-  }
+  const std::string how = how_ended(got < 0 ? std::nullopt : std::optional(status));
   std::array<char, kSaidKept> text{};
   const auto n = ::pread(said_.get(), text.data(), text.size(), 0);
   std::string said(text.data(), n > 0 ? static_cast<std::size_t>(n) : 0);

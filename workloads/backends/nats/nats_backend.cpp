@@ -10,6 +10,7 @@
 #include "workloads/backends/nats/robot/robot_link.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/yaml.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/model/remote.h"
 
 namespace pirt::cloud {
@@ -33,19 +34,19 @@ class CloudKernel : public Kernel {
         workload_(workload),
         patience_(patience),
         most_bytes_(encoded_bytes(workload.outputs)) {
-    call_.task.kind = kind_of(workload);
-    call_.task.spec = spec_digest(workload);
+    task_.kind = kind_of(workload);
+    task_.spec = spec_digest(workload);
     if (parameters.empty()) return;
     for (const Tensor& each : parameters) parameters_.push_back(each.share());
     const Bytes bytes = encode_tensors(parameters_);
-    call_.task.parameters = Blob{digest_of(bytes), bytes.size(), 0};
+    task_.parameters = Blob{digest_of(bytes), bytes.size(), 0};
   }
   ~CloudKernel() override { withdraw(); }
 
   /// From any thread: whoever waits for the call that is bound does so no longer.
   void give_up() {
     unwanted_ = true;
-    link_.notify();
+    link_.step([](Caller&, Nanos) {});  // Whoever waits looks again.
   }
 
   /// Of the call that is bound.
@@ -76,13 +77,13 @@ class CloudKernel : public Kernel {
   std::optional<Nanos> execute(int repeats) override {
     Nanos queue{0};
     for (int i = 0; i < repeats; ++i) {
-      if (!call_.progress) submit();
+      if (!progress_) submit();
       const Nanos begin = clock_.now();
       wait(true);
-      last_ = *std::move(call_.progress->end);
+      last_ = *std::move(progress_->end);
       queue += std::max(Nanos::zero(), clock_.now() - begin - last_.execute);
-      call_.progress.reset();
-      if (i + 1 < repeats) remove_blobs();
+      progress_.reset();
+      if (!last_.outputs.blob) remove_blobs();
     }
     return queue;
   }
@@ -90,18 +91,15 @@ class CloudKernel : public Kernel {
   /// Reads what did not come with the reply.
   void download() override {
     const auto refuse = [&](const std::string& why) {
-      throw_environment(fmt::format("worker {} replied to {} with something else: {}", last_.worker,
-                                    workload_.name, why));
+      throw_environment(fmt::format("the outputs of {} on worker {} cannot be read: {}",
+                                    workload_.name, last_.worker, why));
     };
     if (const auto blob = last_.outputs.blob) {
       if (blob->size_bytes > most_bytes_) refuse(fmt::format("{} bytes", blob->size_bytes));
       auto answer = fetch_blob(
           link_.connection(), outputs_at(), *blob, [this] { return unwanted_.load(); }, patience_);
-      if (!answer.came && !link_.is_up()) {
-        throw_environment("the outputs of " + workload_.name +
-                          " were not read: " + link_.why_down());
-      }
-      if (!answer.came || answer.status != 0) refuse("its outputs are not on the server");
+      if (!answer.came && !link_.is_up()) refuse(link_.why_down());
+      if (!answer.came || answer.status != 0) refuse("they are no longer on the server");
       remove_blobs();
       last_.outputs.bytes = std::move(answer.data);
     }
@@ -116,44 +114,44 @@ class CloudKernel : public Kernel {
   [[nodiscard]] std::string blob_at(std::string_view what, const std::string& name) const {
     return blob_subject(link_.robot(), what, name);
   }
-  [[nodiscard]] std::string inputs_at() const { return blob_at("in", call_.task.task.hex()); }
+  [[nodiscard]] std::string inputs_at() const { return blob_at("in", task_.task.hex()); }
   [[nodiscard]] std::string outputs_at() const {
-    return blob_at("out", fmt::format("{}-{}", call_.task.task.hex(), last_.send));
+    return blob_at("out", fmt::format("{}-{}", task_.task.hex(), last_.send));
   }
   /// Nothing that is still to be sent helps.
   [[nodiscard]] bool is_over() {
-    return link_.wait(Nanos::zero(),
-                      [this] { return unwanted_ || (call_.progress && call_.progress->end); });
+    return link_.wait(Nanos::zero(), [this] { return unwanted_ || (progress_ && progress_->end); });
   }
 
   /// What is larger than a message first: who finds the task finds all of it.
   void submit() {
-    call_.task.task = link_.next_task();
+    remove_blobs();
+    task_.task = link_.next_task();
     missed_ = 0;
     const auto most_inline = link_.connection().chunk_bytes();
     const auto chunk = link_.connection().blob_chunk_bytes();
-    auto& parameters = call_.task.parameters;
+    auto& parameters = task_.parameters;
     const std::uint64_t weights = parameters ? parameters->size_bytes : 0;
-    const bool is_large = sent_.size() > most_inline;
+    const std::uint64_t in = sent_.size() > most_inline ? sent_.size() : 0;
+    const std::uint64_t out = most_bytes_ > most_inline ? most_bytes_ : 0;
     // What a worker answers lies on the stream when what was asked does no more.
-    const std::uint64_t moved = std::max<std::uint64_t>(
-        is_large ? sent_.size() : 0, most_bytes_ > most_inline ? most_bytes_ : 0);
-    const std::string problem = link_.why_too_large(workload_.name, weights + moved);
+    std::string problem = link_.why_too_large(workload_.name, weights + std::max(in, out));
+    const std::uint64_t room = in + out > 0 ? weights + in + out : 0;
+    const auto has_room = [&] { return unwanted_ || link_.take_room(room, room_); };
+    if (problem.empty() && !link_.wait(patience_, has_room)) {
+      problem = workload_.name + " found no room beside other calls (cloud-admin setup --robot-mb)";
+    }
     if (!problem.empty()) throw_environment(problem);
     if (parameters) parameters->chunk_bytes = chunk;
-    if (is_large) {
-      call_.task.inputs = {{}, Blob{digest_of(sent_), sent_.size(), chunk}};
-      put_inputs();
-    } else {
-      call_.task.inputs = {sent_, {}};
-    }
-    call_.task.time_left.reset();
-    if (expires_at_) call_.task.time_left = std::max(*expires_at_ - clock_.now(), Nanos::zero());
-    call_.progress = std::make_shared<Progress>();
-    link_.step([&](Caller& caller, Nanos now) { caller.submit(call_, now); });
+    task_.inputs =
+        in == 0 ? Payload{sent_, {}} : Payload{{}, Blob{digest_of(sent_), sent_.size(), chunk}};
+    if (in > 0) put_inputs();
+    task_.time_left.reset();
+    if (expires_at_) task_.time_left = std::max(*expires_at_ - clock_.now(), Nanos::zero());
+    link_.step([&](Caller& caller, Nanos now) { progress_ = caller.submit(task_, now); });
   }
 
-  void put_inputs() { put(inputs_at(), *call_.task.inputs.blob, sent_); }
+  void put_inputs() { put(inputs_at(), *task_.inputs.blob, sent_); }
   void put(const std::string& at, const Blob& blob, ByteView bytes) {
     const Nanos begin = clock_.now();
     const std::string problem = put_blob(
@@ -169,19 +167,21 @@ class CloudKernel : public Kernel {
   /// A worker did not find something: parameters, if it is the first or they were there too long
   /// ago; else what was sent.
   void put_what_is_missing() {
-    if (const auto& blob = call_.task.parameters; blob && missed_++ % 2 == 0) {
+    if (const auto& blob = task_.parameters; blob && missed_++ % 2 == 0) {
       put(blob_at("par", blob->digest.hex()), *blob, encode_tensors(parameters_));
-    } else if (call_.task.inputs.blob) {
+    } else if (task_.inputs.blob) {
       put_inputs();
     }
-    link_.step([&](Caller& caller, Nanos now) { caller.ready(call_.task.task, now); });
+    link_.step([&](Caller& caller, Nanos now) { caller.ready(task_.task, now); });
   }
 
-  /// @throws Error{kEnvironment} once the task has ended without a result, or neither server nor
-  /// worker was there for too long.
+  /// @throws CallFailed, and Error{kEnvironment} once the task has ended without a result, or
+  /// neither server nor worker was there for too long.
   void wait(bool for_its_end) {
-    const auto end = [this](const std::string& why) {
+    bool failed = false;
+    const auto end = [&](const std::string& why) {
       withdraw();
+      if (failed) throw CallFailed(why);
       throw_environment(why);
     };
     std::optional<Nanos> lost;
@@ -189,10 +189,10 @@ class CloudKernel : public Kernel {
     while (true) {
       bool over = false, missing = false;
       link_.wait(kLook, [&] {
-        Progress& progress = *call_.progress;
-        if (progress.end) problem = progress.end->problem;
-        over = progress.end || (progress.taken && !for_its_end);
-        missing = !over && std::exchange(progress.missing, false);
+        const auto& how = progress_->end;
+        if (how) problem = how->problem, failed = how->kind == ReplyKind::kCallFailed;
+        over = how || (progress_->taken && !for_its_end);
+        missing = !over && std::exchange(progress_->missing, false);
         return over || missing || unwanted_;
       });
       if (over) break;
@@ -210,15 +210,16 @@ class CloudKernel : public Kernel {
   }
 
   void withdraw() {
-    if (std::exchange(call_.progress, nullptr)) {
-      link_.step([&](Caller& caller, Nanos) { caller.cancel(call_.task.task); });
+    if (std::exchange(progress_, nullptr)) {
+      link_.step([&](Caller& caller, Nanos) { caller.cancel(task_.task); });
     }
     remove_blobs();
   }
 
   void remove_blobs() {
-    if (std::exchange(call_.task.inputs.blob, {})) remove_blob(link_.connection(), inputs_at());
+    if (std::exchange(task_.inputs.blob, {})) remove_blob(link_.connection(), inputs_at());
     if (std::exchange(last_.outputs.blob, {})) remove_blob(link_.connection(), outputs_at());
+    if (room_ > 0) link_.give_room(std::exchange(room_, 0));
   }
 
   RobotLink& link_;
@@ -226,8 +227,10 @@ class CloudKernel : public Kernel {
   Nanos patience_;
   MachineClock clock_;
   std::vector<Tensor> parameters_;
-  std::uint64_t most_bytes_;         ///< Of outputs.
-  Submission call_{.progress = {}};  ///< As it is submitted; with progress while it is.
+  std::uint64_t most_bytes_;            ///< Of outputs.
+  std::uint64_t room_ = 0;              ///< That the call has on the robot's stream.
+  TaskMessage task_ = {};               ///< As it is submitted,
+  std::shared_ptr<Progress> progress_;  ///< and while it is.
   std::span<const Tensor> inputs_;
   std::span<Tensor> outputs_;
   std::optional<Nanos> expires_at_;

@@ -1,19 +1,22 @@
 // What every child process does between fork and exec: only calls that POSIX allows there. What is
-// said of one whose end others have taken.
+// said of its end.
 #pragma once
 
 #include <fcntl.h>
 #include <sys/prctl.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
 #include <csignal>
+#include <cstring>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace pirt {
 
-/// It dies with its parent, hears every signal, and takes no descriptors with it but those below
+/// It dies with its parent, blocks no signal, and takes no descriptors with it but those below
 /// @p kept: whoever waits for the end of a pipe would otherwise wait for it too.
 inline void begin_child(pid_t parent, unsigned kept) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -53,8 +56,18 @@ inline void begin_child(pid_t parent, unsigned kept) {
   ::_exit(127);
 }
 
-/// Of a child that waitpid() does not find.
-inline constexpr const char* kEndNotKnown =
-    "has ended; how is not known, since this process ignores SIGCHLD or waits for all";
+/// "crashed (SIGSEGV)", "ended with code 3".
+/// @param status  As waitpid() says it; absent = it did not find the child.
+[[nodiscard]] inline std::string how_ended(std::optional<int> status) {
+  if (!status) {
+    return "has ended; how is not known, since this process ignores SIGCHLD or waits for all";
+  }
+  if (!WIFSIGNALED(*status)) return "ended with code " + std::to_string(WEXITSTATUS(*status));
+  const int signal = WTERMSIG(*status);
+  const char* const name = ::sigabbrev_np(signal);
+  const std::string text =
+      name != nullptr ? std::string("SIG") + name : "signal " + std::to_string(signal);
+  return "crashed (" + text + ")";
+}
 
 }  // namespace pirt

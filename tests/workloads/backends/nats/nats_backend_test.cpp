@@ -5,9 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <thread>
 
 #include "tests/workloads/backends/nats/nats_server.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/model/own_operation.h"
 #include "workloads/model/remote.h"
 
 namespace pirt::cloud::test {
@@ -73,8 +75,15 @@ class CloudUnitOnAServer : public ::testing::Test {
   }
 
   NatsServer server_;
+  static Workload wide() {
+    Workload workload = adding("wide", 1000);
+    workload.outputs[0].shape = {3'000'000};
+    return workload;
+  }
+
   Workload small_ = adding("small", 1000), large_ = adding("large", 3'000'000),
            weighed_ = adding("weighed", 100, 1'500'000);
+  Workload big_ = adding("big", 900'000), wide_ = wide();
   std::vector<const Workload*> known_ = {&small_, &large_, &weighed_};
   std::unique_ptr<WorkerLink> worker_;
 };
@@ -160,7 +169,7 @@ TEST_F(CloudUnitOnAServer, NamesAStreamThatIsGoneAndGoesOnWithAnother) {
   const auto kernel = device->prepare(large_, {});
   Connection admin({.server = server_.url()}, {});
   ASSERT_TRUE(admin.wait_until_up(30s));
-  ASSERT_TRUE(admin.request("$JS.API.STREAM.DELETE.PIRT_robot", "").came);
+  ASSERT_TRUE(admin.request("$JS.API.STREAM.DELETE.PIRT_robot", {}).came);
   EXPECT_THAT(call_and_check(*kernel, large_, {.value = 3}),
               HasSubstr("run `pirt cloud-admin setup --robots robot`"));
   EXPECT_TRUE(eventually([&] { return !remote->is_reachable(); }));
@@ -168,6 +177,65 @@ TEST_F(CloudUnitOnAServer, NamesAStreamThatIsGoneAndGoesOnWithAnother) {
   set_up(admin, {});
   EXPECT_TRUE(eventually([&] { return remote->is_reachable(); })) << device->info().remark;
   EXPECT_EQ(call_and_check(*kernel, large_, {.value = 3}), "");
+}
+
+// What is sent fits into messages.
+TEST_F(CloudUnitOnAServer, NamesAStreamThatIsGoneWhereAWorkerNeedsIt) {
+  known_.push_back(&wide_);
+  start_server();
+  start_worker();
+  const auto device = open_within_reach();
+  const auto* const remote = dynamic_cast<const Remote*>(device.get());
+  const auto kernel = device->prepare(wide_, {});
+  Connection admin({.server = server_.url()}, {});
+  ASSERT_TRUE(admin.wait_until_up(30s));
+  ASSERT_TRUE(admin.request("$JS.API.STREAM.DELETE.PIRT_robot", {}).came);
+  std::string problem = "no end";
+  std::jthread call([&] { problem = call_and_check(*kernel, wide_, {.value = 3}); });
+  EXPECT_TRUE(eventually([&] { return !remote->is_reachable(); }));
+  EXPECT_THAT(device->info().remark, HasSubstr("no stream for robot 'robot'"));
+  set_up(admin, {});
+  call.join();
+  EXPECT_EQ(problem, "");
+  EXPECT_LT(worker_->counts().taken, 10);
+}
+
+TEST_F(CloudUnitOnAServer, CallsThatAreUnderWayLeaveEachOtherRoomOnTheStream) {
+  known_.push_back(&big_);
+  ASSERT_TRUE(server_.start()) << server_.log();
+  administer({.server = server_.url()}, {.robot_bytes = 1 << 20});
+  WorkerOptions options = worker_options(server_.url());
+  options.limits.slots = 2;
+  worker_ = std::make_unique<WorkerLink>(options, known_);
+  const auto device = open_within_reach();
+  const auto one = device->prepare(big_, {}), other = device->prepare(big_, {});
+  std::vector<std::jthread> lanes;
+  for (Kernel* kernel : {one.get(), other.get()}) {
+    lanes.emplace_back([this, kernel] {
+      for (std::uint8_t i = 0; i < 10; ++i) {
+        EXPECT_EQ(call_and_check(*kernel, big_, {.value = i}), "");
+      }
+    });
+  }
+  lanes.clear();
+  EXPECT_EQ(worker_->counts().ended(ReplyKind::kMissing), 0);
+  EXPECT_EQ(worker_->counts().ended(ReplyKind::kDone), 20);
+}
+
+TEST_F(CloudUnitOnAServer, ACallThatItsFunctionSaysFailedIsComputedOnce) {
+  start_server();
+  start_worker();
+  const auto device = open_within_reach();
+  const auto kernel = device->prepare(small_, {});
+  const Bound bound = bind(*kernel, small_);
+  bound.in[0].share().as<std::uint8_t>()[0] = static_cast<std::uint8_t>(Ask::kFail);
+  const auto call = [&] {
+    kernel->upload();
+    static_cast<void>(kernel->execute(1));
+  };
+  EXPECT_THROW(call(), CallFailed);
+  EXPECT_EQ(worker_->counts().taken, 1);
+  EXPECT_EQ(worker_->counts().ended(ReplyKind::kCallFailed), 1);
 }
 
 TEST_F(CloudUnitOnAServer, SupportsWhatItsWorkersKnow) {

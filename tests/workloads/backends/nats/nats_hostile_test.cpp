@@ -140,7 +140,7 @@ class CloudHostile : public ::testing::Test {
     options.make_computer = [] {
       return make_process_computer(
           {.command = {"/proc/self/exe", "--gtest_filter=CloudProcess.IsADeviceSlot"},
-           .call_limit = 60s});
+           .call_limit = [](const Workload&) { return 60s; }});
     };
     worker_ = std::make_unique<WorkerLink>(options, known_);
     robot_ = std::make_unique<HostileRobot>(server_.url(), "hostile");

@@ -57,12 +57,8 @@ class CloudCaller : public ::testing::Test {
     caller_.heard({.instance = kWorker}, now);
     said();
   }
-  Submission submission(std::optional<Nanos> time_left = {}) {
-    progress_ = std::make_shared<Progress>();
-    return {.task = {.task = kTask, .time_left = time_left}, .progress = progress_};
-  }
   void submit(Nanos now = Nanos(0), std::optional<Nanos> time_left = {}) {
-    caller_.submit(submission(time_left), now);
+    progress_ = caller_.submit({.task = kTask, .time_left = time_left}, now);
   }
   /// To the worker that is there.
   void submit_and_give() {
@@ -152,6 +148,32 @@ TEST_F(CloudCaller, GivesATaskUpAfterThreeFailedTriesAndSaysWhoseAndWhy) {
   }
   EXPECT_EQ(said().back(), "given up");
   EXPECT_EQ(problem_, "given up after 3 tries; the last one failed on worker w: boom");
+}
+
+TEST_F(CloudCaller, ACallThatItsFunctionSaysFailedIsOver) {
+  submit_and_give();
+  said();
+  reply(ReplyKind::kCallFailed, 1, seconds(1));
+  EXPECT_EQ(progress_->end->kind, ReplyKind::kCallFailed);
+  EXPECT_THAT(said(), ElementsAre("worker w: boom"));
+}
+
+TEST_F(CloudCaller, WhatAWorkerRefusesGoesToAnotherThatKnowsIt) {
+  caller_.link_up(Nanos(0));
+  for (const std::uint64_t each : {kWorker, kOther}) {
+    caller_.heard({.instance = each, .workloads = {{"small", {}}}}, Nanos(0));
+  }
+  progress_ = caller_.submit({.task = kTask, .kind = {.name = "small"}}, Nanos(0));
+  caller_.claimed({1, kWorker}, Nanos(0));
+  EXPECT_THAT(said(), ElementsAre("offer 1", "give 1 to 7, send 1"));
+  reply(ReplyKind::kRefused, 1, seconds(1));
+  EXPECT_THAT(said(), ElementsAre("offer 1"));
+  caller_.claimed({1, kWorker}, seconds(1));
+  EXPECT_THAT(said(), ElementsAre("nothing for 7"));
+  caller_.claimed({1, kOther}, seconds(1));
+  EXPECT_THAT(said(), ElementsAre("give 1 to 8, send 2"));
+  reply(ReplyKind::kRefused, 2, seconds(2));
+  EXPECT_THAT(said(), ElementsAre("refused by worker w: boom")) << "nobody else knows it";
 }
 
 TEST_F(CloudCaller, WaitingForParametersOrRoomIsNoTryButEnds) {
@@ -303,7 +325,7 @@ TEST_F(CloudHedges, AskASecondWorkerAndCancelTheLoser) {
   hedging_.link_up(Nanos(0));
   hedging_.heard({.instance = kWorker}, Nanos(0));
   hedging_.heard({.instance = kOther}, Nanos(0));
-  hedging_.submit(submission(), Nanos(0));
+  progress_ = hedging_.submit({.task = kTask}, Nanos(0));
   hedging_.claimed({1, kWorker}, Nanos(0));
   said();
   EXPECT_EQ(hedging_.next_wake(), milliseconds(20));
@@ -321,7 +343,7 @@ TEST_F(CloudHedges, AskASecondWorkerAndCancelTheLoser) {
 TEST_F(CloudHedges, ARefusalIsNoEndWhileAnotherComputes) {
   hedging_.link_up(Nanos(0));
   hedging_.heard({.instance = kWorker}, Nanos(0));
-  hedging_.submit(submission(), Nanos(0));
+  progress_ = hedging_.submit({.task = kTask}, Nanos(0));
   hedging_.claimed({1, kWorker}, Nanos(0));
   hedging_.wake(milliseconds(20));
   hedging_.claimed({1, kOther}, milliseconds(21));
@@ -337,7 +359,7 @@ TEST_F(CloudHedges, ARefusalIsNoEndWhileAnotherComputes) {
 TEST_F(CloudHedges, AskNobodyWhileWhatIsMissingIsSent) {
   hedging_.link_up(Nanos(0));
   hedging_.heard({.instance = kWorker}, Nanos(0));
-  hedging_.submit(submission(), Nanos(0));
+  progress_ = hedging_.submit({.task = kTask}, Nanos(0));
   hedging_.claimed({1, kWorker}, Nanos(0));
   hedging_.replied({.task = kTask, .send = 1, .kind = ReplyKind::kMissing, .worker = "w"},
                    milliseconds(5));
@@ -360,7 +382,7 @@ TEST_F(CloudHedges, AfterTheP95StayFew) {
   Nanos now{0};
   for (std::uint64_t i = 1; i <= 3000; ++i) {
     const TaskId task{1, i};
-    caller.submit({.task = {.task = task}}, now);
+    caller.submit({.task = task}, now);
     caller.claimed({1, kWorker}, now);
     Nanos done = now + takes();
     std::uint32_t send = 1;

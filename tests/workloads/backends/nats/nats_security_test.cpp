@@ -44,6 +44,12 @@ TEST(CloudConnection, IsRefusedBeyondThisMachineWithoutTls) {
   EXPECT_EQ(fault_of({.server = "tls://robots.example:4222"}), "");
 }
 
+// As with `ca`: a certificate is shown to nobody without TLS.
+TEST(CloudConnection, HasTlsWhereItHasACertificate) {
+  const std::string file = pirt::test::kSourceFolder + std::string("/README.md");
+  EXPECT_EQ(fault_of({.server = "nats://10.0.0.1:4222", .certificate = file, .key = file}), "");
+}
+
 TEST(CloudConnection, TellsNobodyItsPassword) {
   EXPECT_EQ(public_url("nats://robot:secret@127.0.0.1:4222"), "nats://127.0.0.1:4222");
   EXPECT_EQ(public_url("tls://robots.example"), "tls://robots.example");
@@ -100,7 +106,7 @@ class CloudPermissions : public ::testing::Test {
         Connection::Listener{});
   }
   std::int64_t messages(const std::string& stream) {
-    const auto answer = admin_->request("$JS.API.STREAM.INFO." + stream, "", 5s);
+    const auto answer = admin_->request("$JS.API.STREAM.INFO." + stream, {}, 5s);
     return parse_json(text_of(answer.data)).at("state").at("messages").get<std::int64_t>();
   }
 
@@ -154,7 +160,7 @@ TEST_F(CloudPermissions, BindARobotToItsOwnSubjects) {
     robot->publish(each, frame);
   }
   const auto refused = [&](const std::string& subject, std::string_view text = "") {
-    return !robot->request(subject, text, 300ms).came;
+    return !robot->request(subject, std::as_bytes(std::span(text)), 300ms).came;
   };
   EXPECT_TRUE(refused("$JS.API.STREAM.PURGE.PIRT_r1"));
   EXPECT_TRUE(refused("$JS.API.STREAM.DELETE.PIRT_r2"));
@@ -165,10 +171,10 @@ TEST_F(CloudPermissions, BindARobotToItsOwnSubjects) {
   // Its own it may.
   EXPECT_TRUE(robot->request("pirt.blob.r2.par.x.0", frame, 5s).came);
   EXPECT_EQ(messages("PIRT_r2"), 1);
-  EXPECT_TRUE(robot->request("$JS.API.STREAM.PURGE.PIRT_r2", "", 5s).came);
+  EXPECT_TRUE(robot->request("$JS.API.STREAM.PURGE.PIRT_r2", {}, 5s).came);
   EXPECT_EQ(messages("PIRT_r2"), 0);
   admin_->publish("pirt.answer.r1", frame);
-  EXPECT_TRUE(admin_->request("$JS.API.INFO", "", 5s).came);
+  EXPECT_TRUE(admin_->request("$JS.API.INFO", {}, 5s).came);
   std::this_thread::sleep_for(50ms);
   EXPECT_EQ(heard, 1) << "what the administrator itself said";
   EXPECT_EQ(spied, 0);
@@ -200,7 +206,7 @@ TEST_F(CloudPermissions, ARobotSaysNothingInAnothersNameByTheServersAnswers) {
     stolen += is_frame_of<ClaimMessage>(message.data) ? 1 : 0;
   });
   const std::string offer(text_of(encode(OfferMessage{7, 99})));
-  ASSERT_TRUE(admin_->request("pirt.blob.r2.out.x.0", offer).came);
+  ASSERT_TRUE(admin_->request("pirt.blob.r2.out.x.0", std::as_bytes(std::span(offer))).came);
   const RawClient robot(server_->port(), "r2", "two");
   for (const char* victim : {"pirt.offer.r1", "pirt.answer.r1", "pirt.claim.r1", "pirt.hello"}) {
     robot.publish("$JS.API.DIRECT.GET.PIRT_r2.pirt.blob.r2.out.x.0", {}, victim);
@@ -233,9 +239,9 @@ TEST(CloudNKey, LetsInWhoHasTheSeedAndNobodyElse) {
   ASSERT_TRUE(server.start()) << server.log();
   Connection good(right, {});
   ASSERT_TRUE(good.wait_until_up(kLong)) << server.log();
-  EXPECT_TRUE(good.request("$JS.API.INFO", "", 5s).came);
+  EXPECT_TRUE(good.request("$JS.API.INFO", {}, 5s).came);
   good.publish("pirt.offer.r2", Bytes(3));
-  EXPECT_TRUE(good.request("$JS.API.INFO", "", 5s).came);
+  EXPECT_TRUE(good.request("$JS.API.INFO", {}, 5s).came);
   EXPECT_THAT(server.log(), HasSubstr("pirt.offer.r2")) << "it may not, and the server says so";
   ConnectionOptions nobody = right;
   nobody.nkey = nobody.nkey_seed = "";

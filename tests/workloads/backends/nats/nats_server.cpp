@@ -20,6 +20,7 @@
 #include <utility>
 
 #include "workloads/backends/nats/nats_backend.h"
+#include "workloads/model/own_operation.h"
 
 namespace pirt::cloud::test {
 namespace {
@@ -279,6 +280,7 @@ class AddingComputer : public Computer {
     if (in[0] == static_cast<std::uint8_t>(Ask::kThrow)) throw std::runtime_error("boom");
     if (in[0] == static_cast<std::uint8_t>(Ask::kDie)) ::kill(::getpid(), SIGKILL);
     if (in[0] == static_cast<std::uint8_t>(Ask::kLoseDevice)) throw ProcessGone("it is lost");
+    if (in[0] == static_cast<std::uint8_t>(Ask::kFail)) throw CallFailed("no plan");
     auto outputs = make_tensors(call.workload->outputs);
     const auto out = outputs[0].as<std::uint8_t>();
     for (std::size_t i = 0; i < in.size(); ++i) out[i] = static_cast<std::uint8_t>(in[i] + more);
@@ -302,19 +304,17 @@ std::vector<Tensor> adding_inputs(const Workload& workload, const AddingTask& ta
   return inputs;
 }
 
-Submission make_submission(const Workload& workload, const AddingTask& task) {
-  Submission submission;
-  submission.task.kind.name = workload.name;
-  submission.task.spec = spec_digest(workload);
-  submission.task.inputs.bytes = encode_tensors(adding_inputs(workload, task));
-  return submission;
+TaskMessage make_message(const Workload& workload, const AddingTask& task) {
+  TaskMessage message;
+  message.kind.name = workload.name;
+  message.spec = spec_digest(workload);
+  message.inputs.bytes = encode_tensors(adding_inputs(workload, task));
+  return message;
 }
 
-Submitted::Submitted(RobotLink& robot, Submission submission)
-    : robot_(&robot), id_(robot.next_task()) {
-  submission.task.task = id_;
-  submission.progress = progress_;
-  robot.step([&](Caller& caller, Nanos now) { caller.submit(std::move(submission), now); });
+Submitted::Submitted(RobotLink& robot, TaskMessage task) : robot_(&robot), id_(robot.next_task()) {
+  task.task = id_;
+  robot.step([&](Caller& caller, Nanos now) { progress_ = caller.submit(std::move(task), now); });
 }
 
 ReplyMessage Submitted::end(Nanos most) const {

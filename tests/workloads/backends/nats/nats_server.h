@@ -145,6 +145,7 @@ enum class Ask : std::uint8_t {
   kThrow = 1,
   kDie = 2,         ///< The process that computes it.
   kLoseDevice = 3,  ///< For good.
+  kFail = 4,        ///< As a user's own function says that a call failed.
 };
 
 /// u8[size] -> u8[size]: each byte and 1, and the first byte of its parameters, if it has any.
@@ -158,12 +159,12 @@ struct AddingTask {
   std::uint8_t tens_of_ms = 0;
   std::uint8_t value = 1;
 };
-[[nodiscard]] Submission make_submission(const Workload& workload, const AddingTask& task);
+[[nodiscard]] TaskMessage make_message(const Workload& workload, const AddingTask& task);
 
 /// A task of a robot's, once it was submitted.
 class Submitted {
  public:
-  Submitted(RobotLink& robot, Submission submission);
+  Submitted(RobotLink& robot, TaskMessage task);
 
   [[nodiscard]] bool is_taken(Nanos most) const {
     return robot_->wait(most, [this] { return progress_->taken; });
@@ -177,7 +178,7 @@ class Submitted {
  private:
   RobotLink* robot_;
   TaskId id_;
-  std::shared_ptr<Progress> progress_ = std::make_shared<Progress>();
+  std::shared_ptr<Progress> progress_;
 };
 
 [[nodiscard]] std::vector<Tensor> adding_inputs(const Workload& workload, const AddingTask& task);

@@ -7,6 +7,8 @@
 #include <sys/wait.h>
 
 #include <condition_variable>
+#include <filesystem>
+#include <fstream>
 #include <map>
 #include <numeric>
 #include <random>
@@ -74,7 +76,7 @@ class CloudServer : public ::testing::Test {
     return std::make_unique<WorkerLink>(options, known_);
   }
   Submitted submit(RobotLink& robot, const AddingTask& task) {
-    return {robot, make_submission(small_, task)};
+    return {robot, make_message(small_, task)};
   }
   static ReplyMessage end_of(const Submitted& task) {
     ReplyMessage end = task.end(kLong);
@@ -85,7 +87,7 @@ class CloudServer : public ::testing::Test {
   std::int64_t messages() {
     Connection admin({.server = server_->url()}, {});
     if (!admin.wait_until_up(kLong)) return -1;
-    const auto answer = admin.request("$JS.API.STREAM.INFO.PIRT_robot", "");
+    const auto answer = admin.request("$JS.API.STREAM.INFO.PIRT_robot", {});
     if (!answer.came) return -1;
     return parse_json(text_of(answer.data)).at("state").at("messages").get<std::int64_t>();
   }
@@ -238,12 +240,26 @@ class CloudSlots : public CloudServer {
     make_computer_ = [this] {
       return make_process_computer(
           {.command = {"/proc/self/exe", "--gtest_filter=CloudProcess.IsASlot"},
-           .call_limit = call_limit_,
-           .call_limits = call_limits_,
+           .call_limit =
+               [this](const Workload& each) {
+                 const auto own = call_limits_.find(&each);
+                 return own != call_limits_.end() ? own->second : call_limit_;
+               },
            .end_limit = 300ms});
     };
   }
   void TearDown() override { ::unsetenv("PIRT_TEST_SLOT"); }
+  /// Children of this process but for the server.
+  [[nodiscard]] std::vector<pid_t> processes() const {
+    std::vector<pid_t> all;
+    for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
+      std::ifstream list(task.path() / "children");
+      for (pid_t id = 0; list >> id;) {
+        if (id != server_->process()) all.push_back(id);
+      }
+    }
+    return all;
+  }
   Nanos call_limit_ = 20s;
   std::map<const Workload*, Nanos> call_limits_;
 };
@@ -255,11 +271,26 @@ TEST_F(CloudSlots, GiveUpATaskWhoseProcessDiesThreeTimesAndGoOn) {
   const auto kernel = device->prepare(small_, {});
   EXPECT_EQ(call_and_check(*weighs, weighed_, {.value = 4}, 5), "");
   EXPECT_EQ(call_and_check(*kernel, small_, {.ask = Ask::kDie}),
-            "given up after 3 tries; the last one failed on worker w1: its process died (SIGKILL)");
+            "given up after 3 tries; the last one failed on worker w1: its process crashed "
+            "(SIGKILL)");
   EXPECT_THAT(call_and_check(*kernel, small_, {.ask = Ask::kThrow}), HasSubstr("boom"));
   for (int i = 0; i < 2; ++i) {
     EXPECT_EQ(call_and_check(*weighs, weighed_, {.value = 4}, 5), "");
   }
+}
+
+TEST_F(CloudSlots, ThatDieBetweenCallsCostNoTry) {
+  const auto worker = start_worker(server_->url());
+  const auto device = open_unit(server_->url());
+  const auto kernel = device->prepare(small_, {});
+  EXPECT_EQ(call_and_check(*kernel, small_, {.value = 4}), "");
+  const auto slots = processes();
+  ASSERT_EQ(slots.size(), 1U);
+  ::kill(slots[0], SIGKILL);
+  siginfo_t ended{};
+  ASSERT_EQ(::waitid(P_PID, static_cast<id_t>(slots[0]), &ended, WEXITED | WNOWAIT), 0);
+  EXPECT_EQ(call_and_check(*kernel, small_, {.value = 4}), "");
+  EXPECT_EQ(worker->counts().ended(ReplyKind::kFailedTry), 0);
 }
 
 TEST_F(CloudSlots, StartAgainWhereTheirDeviceIsLost) {
@@ -333,8 +364,8 @@ TEST_F(CloudServer, RefusesWhatNoWorkerKnows) {
   EXPECT_THAT(why_not(other), HasSubstr("has another small"));
   EXPECT_THAT(why_not(unknown), HasSubstr("does not know unknown"));
   EXPECT_EQ(why_not(small_), "");
-  const ReplyMessage end = end_of({robot, make_submission(other, {})});
-  EXPECT_THAT(end.problem, HasSubstr("refused it: small is something else here"));
+  const ReplyMessage end = end_of({robot, make_message(other, {})});
+  EXPECT_THAT(end.problem, HasSubstr("refused by worker w1: small is something else here"));
 }
 
 TEST_F(CloudServer, TellsTheWorkerThatNobodyWantsATaskAnyMore) {
@@ -351,9 +382,9 @@ TEST_F(CloudServer, DropsWhatIsPastItsTimeAndSaysSo) {
   const auto worker = start_worker(server_->url());
   ReachedRobot robot(server_->url());
   auto before = submit(robot, {.tens_of_ms = 100, .value = 1});
-  Submission submission = make_submission(small_, {.value = 2});
-  submission.task.time_left = 200ms;  // It waits for longer.
-  const ReplyMessage end = end_of({robot, std::move(submission)});
+  TaskMessage late = make_message(small_, {.value = 2});
+  late.time_left = 200ms;  // It waits for longer.
+  const ReplyMessage end = end_of({robot, std::move(late)});
   EXPECT_EQ(end.problem, "its time was over before a worker began");
   EXPECT_EQ(end_of(before).problem, "");
   EXPECT_EQ(worker->counts().ended(ReplyKind::kExpired), 1);

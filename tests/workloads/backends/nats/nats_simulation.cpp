@@ -223,11 +223,10 @@ void Simulation::submit(Robot& robot) {
   expected.sort = chance(0.02) ? Sort::kPoisoned : chance(0.1) ? Sort::kHeavy : Sort::kPlain;
   expected.deadline = chance(0.1);
   const Nanos lasts = milliseconds(500 + random_() % 20'000);
-  Submission submission{.task = {.task = task}};
-  if (expected.deadline) submission.task.time_left = lasts;
-  expected.progress = submission.progress;
+  TaskMessage message{.task = task};
+  if (expected.deadline) message.time_left = lasts;
   robot.live.push_back(task);
-  robot.caller->submit(std::move(submission), now_);
+  expected.progress = robot.caller->submit(std::move(message), now_);
   // Whoever submitted it takes it back then.
   if (expected.deadline) {
     at(now_ + lasts, [this, &robot, task] {

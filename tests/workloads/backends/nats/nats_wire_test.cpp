@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <functional>
+#include <limits>
 #include <thread>
 
 #include "tests/support/data.h"
@@ -109,8 +111,18 @@ TEST(CloudWire, RepliesWithdrawalsAndAnnouncementsArriveAsTheyWereSent) {
   EXPECT_EQ(decode_as<ClaimMessage>(encode(ClaimMessage{3, 4})).worker, 4U);
   EXPECT_EQ(problem_of<ClaimMessage>(encode(OfferMessage{3, 4})), "a message of another kind");
   const auto hello =
-      decode_as<HelloMessage>(encode(HelloMessage{7, "w", "0.1", 2, {{"sobel", blob.digest}}}));
+      decode_as<HelloMessage>(encode(HelloMessage{7, "w", "0.1", {{"sobel", blob.digest}}}));
   EXPECT_EQ(hello.workloads.at(0).workload, "sobel");
+}
+
+TEST(CloudWire, ARepliesKindIsOneThatThereIs) {
+  const auto frame = [](int kind) {
+    return encode(ReplyMessage{.kind = static_cast<ReplyKind>(kind)});
+  };
+  for (int kind = 0; kind < 8; ++kind) {
+    EXPECT_EQ(decode_as<ReplyMessage>(frame(kind)).kind, static_cast<ReplyKind>(kind));
+  }
+  EXPECT_EQ(problem_of<ReplyMessage>(frame(8)), "unknown kind 8");
 }
 
 // They are shown on terminals, and written into documents.
@@ -254,34 +266,110 @@ class AddKernel : public Kernel {
   std::span<std::uint8_t> to_;
 };
 
+/// u8[4] -> u8[4], by a kernel of a user's own; all are of one file.
+std::shared_ptr<Workload> own_workload(const std::string& name,
+                                       std::function<std::unique_ptr<Kernel>()> make) {
+  auto operation = std::make_shared<OwnOperation>();
+  operation->digest = "one file";
+  operation->backends = {"cpu"};
+  operation->cpu = [make = std::move(make)](std::span<const Tensor>, int) { return make(); };
+  auto workload = std::make_shared<Workload>();
+  workload->name = name;
+  workload->kernel = kOwnKernel;
+  workload->inputs = {{"x", Element::kU8, {4}}};
+  workload->outputs = {{"y", Element::kU8, {4}}};
+  workload->operation = operation;
+  return workload;
+}
+
+std::unique_ptr<Computer> cpu_computer(std::uint64_t kept_bytes = kRoom) {
+  return make_device_computer(find_backend("cpu"),
+                              {.unit = "cpu", .cores = {}, .device = {}, .script = {}}, kept_bytes);
+}
+
+ReplyMessage compute(Computer& computer, const std::shared_ptr<Workload>& workload) {
+  const TaskMessage task = task_of(*workload, make_tensors(workload->inputs));
+  return computer.compute({.robot = "r", .task = task, .workload = workload});
+}
+
 // Of one file: the same tensors, the same digest.
 TEST(CloudComputer, OwnWorkloadsOfOneFileAreTwo) {
-  const auto adding = [](const std::string& name, int more) {
-    auto operation = std::make_shared<OwnOperation>();
-    operation->digest = "one file";
-    operation->backends = {"cpu"};
-    operation->cpu = [more](std::span<const Tensor>, int) {
-      return std::make_unique<AddKernel>(more);
-    };
-    Workload workload;
-    workload.name = name;
-    workload.kernel = kOwnKernel;
-    workload.inputs = {{"x", Element::kU8, {4}}};
-    workload.outputs = {{"y", Element::kU8, {4}}};
-    workload.operation = operation;
-    return workload;
-  };
-  const auto computer = make_device_computer(
-      find_backend("cpu"), {.unit = "cpu", .cores = {}, .device = {}, .script = {}}, kRoom);
-  const std::string robot = "r";
+  const auto computer = cpu_computer();
   for (const auto& [name, more] : {std::pair("mine.one", 1), {"mine.two", 2}, {"mine.one", 1}}) {
-    const Workload workload = adding(name, more);
-    const TaskMessage task = task_of(workload, make_tensors(workload.inputs));
-    const ReplyMessage reply = computer->compute(
-        {.robot = robot, .task = task, .workload = std::make_shared<const Workload>(workload)});
-    const auto outputs = decode_tensors(reply.outputs.bytes, workload.outputs);
+    const auto workload =
+        own_workload(name, [adds = more] { return std::make_unique<AddKernel>(adds); });
+    const ReplyMessage reply = compute(*computer, workload);
+    const auto outputs = decode_tensors(reply.outputs.bytes, workload->outputs);
     EXPECT_EQ(outputs.at(0).as<std::uint8_t>()[0], more) << name;
   }
+}
+
+class FailingKernel : public AddKernel {
+ public:
+  FailingKernel() : AddKernel(1) {}
+  std::optional<Nanos> execute(int) override { throw CallFailed("no plan"); }
+};
+
+TEST(CloudComputer, KeepsAKernelWhoseCallFailed) {
+  int made = 0;
+  const auto workload = own_workload("mine.plan", [&] {
+    ++made;
+    return std::make_unique<FailingKernel>();
+  });
+  const auto computer = cpu_computer();
+  for (int i = 0; i < 2; ++i) {
+    const ReplyMessage reply = compute(*computer, workload);
+    EXPECT_EQ(reply.kind, ReplyKind::kCallFailed);
+    EXPECT_EQ(reply.problem, "no plan");
+    EXPECT_TRUE(reply.outputs.bytes.empty());
+  }
+  EXPECT_EQ(made, 1);
+}
+
+/// Computed by a process that has 40 MB.
+class FarKernel : public AddKernel, public OtherProcess {
+ public:
+  explicit FarKernel(int& alive) : AddKernel(1), alive_(alive) { ++alive_; }
+  ~FarKernel() override { --alive_; }
+  [[nodiscard]] std::optional<std::int64_t> peak_bytes() const override { return 40 << 20; }
+  [[nodiscard]] std::optional<Nanos> processor_time() const override { return std::nullopt; }
+
+ private:
+  int& alive_;
+};
+
+TEST(CloudComputer, CountsWhatAProgramHasItself) {
+  for (const auto& [kept_mb, most] : {std::pair(100U, 2), std::pair(30U, 1)}) {
+    int alive = 0;
+    const auto computer = cpu_computer(std::uint64_t{kept_mb} << 20);
+    for (int i = 0; i < 5; ++i) {
+      const auto workload = own_workload("mine." + std::to_string(i),
+                                         [&alive] { return std::make_unique<FarKernel>(alive); });
+      EXPECT_EQ(compute(*computer, workload).kind, ReplyKind::kDone);
+      EXPECT_GE(alive, 1) << "also one that is larger than all of it";
+      EXPECT_LE(alive, most);
+    }
+  }
+}
+
+class IdleKernel : public Kernel {
+ public:
+  void bind(std::span<const Tensor>, std::span<Tensor>) override {}
+  std::optional<Nanos> execute(int) override { return std::nullopt; }
+};
+
+// Points without a return are no numbers: on the robot's units it takes them, too.
+TEST(CloudComputer, AnOwnWorkloadTakesAnyNumbersWhereItGivesNoRange) {
+  const auto computer = cpu_computer();
+  const auto workload = own_workload("mine.icp", [] { return std::make_unique<IdleKernel>(); });
+  workload->inputs = {{"cloud", Element::kF32, {4}}};
+  auto inputs = make_tensors(workload->inputs);
+  inputs[0].as<float>()[1] = std::numeric_limits<float>::quiet_NaN();
+  const Call call{.robot = "r", .task = task_of(*workload, inputs), .workload = workload};
+  EXPECT_EQ(computer->compute(call).kind, ReplyKind::kDone);
+  workload->inputs[0].ranges.push_back({0, 1});
+  EXPECT_THAT(pirt::test::bad_input([&] { static_cast<void>(computer->compute(call)); }),
+              HasSubstr("mine.icp: cloud f32[4]: "));
 }
 
 /// Has room for one kernel, and an input that begins with 99 ends it.
@@ -360,9 +448,9 @@ TEST_F(CloudOneKernel, WhatIsKeptGivesWayToACallThatHasNoRoom) {
 // What it has answered is read, however long this process was stopped meanwhile.
 TEST(CloudProcessComputer, ReadsWhatIsThereWhenItsTimeIsOver) {
   ::setenv("PIRT_TEST_SLOT", "1", 1);
-  const auto computer =
-      make_process_computer({.command = {"/proc/self/exe", "--gtest_filter=CloudProcess.IsASlot"},
-                             .call_limit = std::chrono::milliseconds(1500)});
+  const auto computer = make_process_computer(
+      {.command = {"/proc/self/exe", "--gtest_filter=CloudProcess.IsASlot"},
+       .call_limit = [](const Workload&) { return std::chrono::milliseconds(1500); }});
   const auto workload = std::make_shared<const Workload>(test::adding("small", 1000));
   const TaskMessage task = task_of(*workload, test::adding_inputs(*workload, {.value = 3}));
   const std::string robot = "r";
@@ -488,8 +576,7 @@ TEST(CloudWire, TenThousandHostileMessagesRunNothingElseOnAWorker) {
 TEST(CloudWire, TenThousandHostileMessagesEndNothingAtARobot) {
   Caller caller("r", 1, {}, [](const std::string&, const Bytes&) {});
   caller.link_up(Nanos(0));
-  const Submission submission{.task = {.task = {1, 2}}};
-  caller.submit(submission, Nanos(0));
+  const auto progress = caller.submit({.task = {1, 2}}, Nanos(0));
   // Of another task: what only changes the id hits ours in 1 of 2^128 cases.
   const Bytes good =
       encode(ReplyMessage{.task = {77, 78}, .worker = "w", .outputs = {Bytes(16), {}}});
@@ -500,7 +587,7 @@ TEST(CloudWire, TenThousandHostileMessagesEndNothingAtARobot) {
     } catch (const Error&) {  // No message.
     }
   }
-  EXPECT_FALSE(submission.progress->end);
+  EXPECT_FALSE(progress->end);
 }
 
 TEST(CloudWire, AReplyThatDoesNotFitLeavesTheOutputsAsTheyWere) {

@@ -2,6 +2,7 @@
 #include "workloads/base/text/yaml.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 
 #include "tests/support/errors.h"

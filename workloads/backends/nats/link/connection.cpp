@@ -30,22 +30,21 @@ constexpr std::size_t kMostMessage = std::size_t{64} << 20;  ///< More no server
 constexpr Nanos kEnd = std::chrono::seconds(5);  ///< For the library's threads to see the end.
 constexpr Nanos kTry = std::chrono::seconds(2);  ///< To connect, as the library counts it.
 
-struct Url {
-  std::string scheme, host;
-};
-
 /// @throws Error{kBadInput} for what is no URL of a server.
-Url parse_url(const std::string& server) {
+std::string host_of(const std::string& server) {
   static const std::regex kUrl(
       R"((nats|tls)://([^/?#\s]*@)?(\[([^\]/?#\s@]+)\]|[^\[\]:/?#\s@]+)(:([1-9][0-9]{0,4}))?)");
   std::smatch parts;
-  const bool fits = server.size() <= 1024 && std::regex_match(server, parts, kUrl) &&
-                    (!parts[6].matched || std::stoi(parts[6]) <= 65535);
-  if (!fits) {
-    throw_bad_input("server '" + public_url(server) +
-                    "' is none; a server is nats://HOST:PORT, or tls://HOST:PORT");
+  if (server.size() <= 1024 && std::regex_match(server, parts, kUrl) &&
+      (!parts[6].matched || std::stoi(parts[6]) <= 65535)) {
+    return parts[4].matched ? parts[4] : parts[3];
   }
-  return {parts[1], parts[4].matched ? parts[4] : parts[3]};
+  throw_bad_input("server '" + public_url(server) +
+                  "' is none; a server is nats://HOST:PORT, or tls://HOST:PORT");
+}
+
+bool uses_tls(const ConnectionOptions& options) {
+  return options.server.starts_with("tls:") || !options.ca.empty() || !options.certificate.empty();
 }
 
 void throw_unless(natsStatus status, const std::string& what) {
@@ -91,7 +90,6 @@ Options make_options(const ConnectionOptions& options) {
   Options made(raw);
   const std::string what = "server '" + public_url(options.server) + "': ";
   const auto set = [&](natsStatus status) { throw_unless(status, what); };
-  const Url url = parse_url(options.server);
   set(natsOptions_SetURL(raw, options.server.c_str()));
   set(natsOptions_SetName(raw, options.name.c_str()));
   set(natsOptions_SetCustomInboxPrefix(raw, options.inbox.c_str()));
@@ -104,10 +102,10 @@ Options make_options(const ConnectionOptions& options) {
   set(natsOptions_SetSendAsap(raw, true));
   set(natsOptions_SetFailRequestsOnDisconnect(raw, true));
   set(natsOptions_SetIgnoreDiscoveredServers(raw, true));  // nobody vouches for those
-  if (url.scheme == "tls" || !options.ca.empty()) {
+  if (uses_tls(options)) {
     set(natsOptions_SetSecure(raw, true));
     set(natsOptions_SkipServerVerification(raw, false));
-    set(natsOptions_SetExpectedHostname(raw, url.host.c_str()));
+    set(natsOptions_SetExpectedHostname(raw, host_of(options.server).c_str()));
     if (!options.ca.empty()) {
       throw_unless(natsOptions_LoadCATrustedCertificates(raw, options.ca.c_str()),
                    "the certificate authority '" + options.ca + "': ");
@@ -180,9 +178,8 @@ struct Connection::State {
     const MessagePtr message(raw);
     if (has_headers(raw)) return;
     const auto& subscription = *static_cast<Subscription*>(closure);
-    const char* const reply = natsMsg_GetReply(raw);
     try {  // The library is C: nothing may be thrown through it.
-      subscription.handler({natsMsg_GetSubject(raw), reply == nullptr ? "" : reply, data_of(raw)});
+      subscription.handler({natsMsg_GetSubject(raw), data_of(raw)});
     } catch (const std::exception& error) {
       subscription.state->note(std::string("a message was dropped: ") + error.what());
     }
@@ -282,7 +279,7 @@ std::string public_url(const std::string& server) {
 }
 
 void check_connection(const ConnectionOptions& options) {
-  const Url url = parse_url(options.server);
+  const std::string host = host_of(options.server);
   for (const auto& [what, file] : {std::pair("the certificate authority", &options.ca),
                                    std::pair("the certificate", &options.certificate),
                                    std::pair("the certificate's key", &options.key),
@@ -297,9 +294,8 @@ void check_connection(const ConnectionOptions& options) {
   if (options.nkey_seed.empty() != options.nkey.empty()) {
     throw_bad_input("an NKey and the file with its seed belong together; give both, or neither");
   }
-  const bool tls = url.scheme == "tls" || !options.ca.empty();
   static const std::regex kLoopback(R"(localhost|::1|127\.[0-9.]*)");
-  if (!tls && !options.insecure && !std::regex_match(url.host, kLoopback)) {
+  if (!uses_tls(options) && !options.insecure && !std::regex_match(host, kLoopback)) {
     throw_bad_input("server '" + public_url(options.server) +
                     "' is beyond this machine and would be spoken to without TLS: anybody on the "
                     "way could read and change tasks; use tls://, or allow it (--insecure; of a "

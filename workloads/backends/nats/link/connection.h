@@ -41,7 +41,7 @@ void check_connection(const ConnectionOptions& options);
 inline constexpr int kNobody = 503;
 
 struct Incoming {
-  std::string subject, reply;
+  std::string subject;
   ByteView data;  ///< As long as the handler runs.
 };
 
@@ -82,10 +82,6 @@ class Connection {
   static constexpr Nanos kAnswer = std::chrono::seconds(5);
   /// Blocks; not from a handler.
   [[nodiscard]] Answer request(const std::string& subject, ByteView data, Nanos most = kAnswer);
-  [[nodiscard]] Answer request(const std::string& subject, std::string_view text,
-                               Nanos most = kAnswer) {
-    return request(subject, std::as_bytes(std::span(text)), most);
-  }
   /// Of a message's data that is certain to fit with its head; a standard server's before there was
   /// a connection, 0 where the server's max_payload is too small for robots and workers.
   [[nodiscard]] std::uint32_t chunk_bytes() const;

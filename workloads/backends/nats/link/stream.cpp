@@ -20,16 +20,11 @@ namespace pirt::cloud {
 namespace {
 
 constexpr std::uint32_t kWindow = 4;  ///< Chunks under way.
-constexpr int kNoMessage = 404;       ///< As JetStream says it.
 
 /// @throws Error{kEnvironment} where nobody answers.
 StreamAnswer ask_server(Connection& connection, const std::string& api, const Json& what) {
-  const auto answer = connection.request("$JS.API." + api, json_text(what));
-  if (!answer.came) {
-    throw_environment("the server did not answer to " + api +
-                      "; is it there, and may this user ask that (pirt cloud-admin permissions)?");
-  }
-  StreamAnswer read = read_answer(answer);
+  const std::string text = json_text(what);
+  auto read = read_answer(connection.request("$JS.API." + api, std::as_bytes(std::span(text))));
   if (read.error == kNobody) throw_environment(read.why);
   return read;
 }
@@ -143,8 +138,11 @@ std::string permissions(std::span<const std::string> robots) {
 }
 
 StreamAnswer read_answer(const Connection::Answer& answer) {
-  if (answer.status == kNobody) {
-    return {.error = kNobody, .why = "the server has no JetStream; start it with -js"};
+  if (!answer.came || answer.status == kNobody) {
+    return {.error = kNobody,
+            .why = answer.came ? "the server has no JetStream; start it with -js"
+                               : "the server does not answer; is it there, the link fast enough, "
+                                 "and may this user say that (pirt cloud-admin permissions)?"};
   }
   StreamAnswer read{try_parse_json(text_of(answer.data)).value_or(Json()), 1, {}};
   if (!read.json.is_object()) {
@@ -179,19 +177,12 @@ std::string put_blob(Connection& connection, const std::string& prefix, const Bl
   const bool all = in_window(blob.chunks(), [&](std::uint32_t number) {
     const auto answer = ask(connection, prefix + "." + std::to_string(number),
                             part(bytes, blob.chunk_bytes, number), stop, no_step);
-    std::string why;
-    if (!answer.came) {
-      why = fmt::format(
-          "nothing said within {:.3g} s that it stored what was sent to {}.N; is the server there, "
-          "the link fast enough, and may this user say that (pirt cloud-admin permissions)?",
-          to_s(no_step), prefix);
-    } else if (answer.status == kNobody) {
+    std::string why = read_answer(answer).why;
+    if (answer.came && answer.status == kNobody) {
       why = fmt::format(
           "robot '{0}' has no stream any more, or the server no JetStream; run `pirt cloud-admin "
           "setup --robots {0}`",
           robot_of(prefix));
-    } else {
-      why = read_answer(answer).why;
     }
     if (why.empty()) return true;
     const std::lock_guard lock(mutex);
@@ -216,7 +207,7 @@ Connection::Answer fetch_blob(Connection& connection, const std::string& prefix,
     return true;
   });
   if (!answered) return {};
-  if (!all || digest_of(bytes) != blob.digest) return {.came = true, .status = kNoMessage};
+  if (!all || digest_of(bytes) != blob.digest) return {.came = true, .status = 404};
   return {.came = true, .data = std::move(bytes)};
 }
 

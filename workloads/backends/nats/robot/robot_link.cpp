@@ -3,7 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <limits>
+#include <type_traits>
 
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
@@ -22,7 +22,6 @@ constexpr Nanos kAway = std::chrono::milliseconds(500);
 constexpr Nanos kAskAgain = std::chrono::seconds(1);
 constexpr Nanos kLongestWait = std::chrono::hours(1);
 constexpr std::size_t kMostHello = 64 << 10;  ///< Of it 1024 are kept.
-constexpr std::size_t kMostReply = std::numeric_limits<std::size_t>::max();  ///< With its outputs.
 
 bool knows(const HelloMessage& worker, const Kind& kind) {
   return std::ranges::any_of(worker.workloads, [&](const HelloMessage::Known& known) {
@@ -32,20 +31,13 @@ bool knows(const HelloMessage& worker, const Kind& kind) {
 
 }  // namespace
 
-Caller::Caller(std::string robot, std::uint64_t run, const CallerLimits& limits, Say say)
-    : robot_(std::move(robot)),
-      run_(run),
-      limits_(limits),
-      say_(std::move(say)),
-      random_(static_cast<std::uint32_t>(run)) {}
-
-void Caller::submit(Submission submission, Nanos now) {
-  ++counts_.submitted;
-  const TaskId task = submission.task.task;
-  std::optional<Nanos> deadline;
-  if (const auto left = submission.task.time_left) deadline = later_by(now, *left);
-  entries_[task] = {.submission = std::move(submission), .offered_at = now, .deadline = deadline};
+std::shared_ptr<Progress> Caller::submit(TaskMessage task, Nanos now) {
+  Entry& entry = entries_[task.task];
+  entry.task = std::move(task);
+  entry.offered_at = now;
+  if (const auto left = entry.task.time_left) entry.deadline = later_by(now, *left);
   offer(now);
+  return entry.progress;
 }
 
 void Caller::cancel(const TaskId& task) {
@@ -80,16 +72,19 @@ void Caller::link_down() {
   for (auto& [instance, worker] : workers_) worker.is_here = false;
 }
 
-/// A task goes to a worker that knows its workload, if there is one.
+/// It says that it computes this, and has not refused it.
+bool Caller::suits(const Entry& entry, const Workers::value_type& worker) {
+  return knows(worker.second.said, entry.task.kind) && !entry.refused.contains(worker.first);
+}
+
+/// A task goes to a worker that suits it, if there is one.
 void Caller::claimed(ClaimMessage claim, Nanos now) {
   const auto [run, worker] = claim;
   if (run != run_) return;  // It is of another program of this robot's name.
   const auto asks = workers_.find(worker);
   for (auto& each : entries_) {
     Entry& entry = each.second;
-    const auto its = [&](const auto& of) {
-      return knows(of.second.said, entry.submission.task.kind);
-    };
+    const auto its = [&](const auto& of) { return suits(entry, of); };
     const auto has = std::ranges::find(entry.given, worker, &Given::worker);
     if (!waits(entry, now) || has != entry.given.end()) continue;
     if ((asks != workers_.end() && its(*asks)) || std::ranges::none_of(workers_, its)) {
@@ -104,14 +99,13 @@ void Caller::give(Entry& entry, std::uint64_t worker, Nanos now) {
   if (!entry.given.empty()) ++counts_.hedged;
   entry.given.push_back({worker, entry.sends, false, now, now + limits_.confirm});
   entry.offered_at.reset();
-  TaskMessage& task = entry.submission.task;
+  TaskMessage& task = entry.task;
   const auto hedged = entry.sends == 1 ? hedged_after(task.spec) : std::nullopt;
   entry.hedge_at = hedged ? std::optional(now + *hedged) : std::nullopt;
   task.send = entry.sends;
   task.waiting = waiting(now);
   if (entry.deadline) task.time_left = std::clamp(*entry.deadline - now, Nanos::zero(), kLongest);
   Bytes message = encode(task);
-  entry.given_at = now;
   entry.given_bytes = message.size();
   say_(task_subject(robot_, worker), std::move(message));
 }
@@ -123,14 +117,12 @@ void Caller::replied(ReplyMessage reply, Nanos now) {
     return;
   }
   Entry& entry = at->second;
-  Progress& progress = *entry.submission.progress;
-  if (!std::exchange(progress.taken, true) && entry.given_bytes > 0) {
-    measure(now - entry.given_at, entry.given_bytes);
-  }
   const auto given = std::ranges::find(entry.given, reply.send, &Given::send);
+  const bool first = !std::exchange(entry.progress->taken, true);
+  if (first && given != entry.given.end()) measure(now - given->since, entry.given_bytes);
   if (reply.kind == ReplyKind::kDone) {  // Of whatever send: it is what was asked for.
     if (given != entry.given.end()) {    // Since the first one that has it was asked.
-      auto& took = took_[entry.submission.task.spec];
+      auto& took = took_[entry.task.spec];
       took.push_back(now - std::ranges::min(entry.given, {}, &Given::since).since);
       if (took.size() > kManyCalls) took.pop_front();
     }
@@ -143,45 +135,50 @@ void Caller::replied(ReplyMessage reply, Nanos now) {
     given->until = now + limits_.silence;
     return;
   }
+  if (reply.kind == ReplyKind::kRefused) entry.refused.insert(given->worker);
   entry.given.erase(given);
   const std::string problem = fmt::format("worker {}: {}", reply.worker, reply.problem);
+  const auto may_take = [&](const auto& of) {
+    return of.second.lives(now, limits_.worker) && suits(entry, of);
+  };
   switch (reply.kind) {
     case ReplyKind::kRefused:
       if (!entry.given.empty()) return;  // Another one computes it.
-      return end(at,
-                 {.problem = fmt::format("worker {} refused it: {}", reply.worker, reply.problem)});
+      if (entry.sends >= limits_.most_sends || std::ranges::none_of(workers_, may_take)) {
+        return end(at, {.problem = "refused by " + problem});
+      }
+      entry.offered_at = now;
+      return offer(now);
+    case ReplyKind::kCallFailed:
+      return end(at, {.kind = reply.kind, .problem = problem});
     case ReplyKind::kExpired:
       return end(at, {.problem = "its time was over before a worker began"});
-    case ReplyKind::kMissing:
-      if (entry.sends >= limits_.most_sends) return failed(at, problem, now);
-      entry.offered_at.reset();
-      entry.hedge_at.reset();
-      progress.missing = true;
-      return;
     case ReplyKind::kFailedTry:
       ++entry.tries;
       [[fallthrough]];
     default:
-      return failed(at, problem, now);
+      return failed(at, problem, now, reply.kind == ReplyKind::kMissing);
   }
 }
 
-/// A worker has it no more. What counts as a try was counted.
-void Caller::failed(Entries::iterator at, const std::string& problem, Nanos now) {
+/// A worker has it no more, or misses something of it. What counts as a try was counted.
+void Caller::failed(Entries::iterator at, const std::string& problem, Nanos now, bool missing) {
   Entry& entry = at->second;
   const bool tried = entry.tries >= limits_.most_tries;
   if (tried || entry.sends >= limits_.most_sends) {
-    return end(
-        at, {.problem = tried ? fmt::format("given up after {} tries; the last one failed on {}",
-                                            entry.tries, problem)
-                              : fmt::format("given up after it was sent {} times; the last time {}",
-                                            entry.sends, problem)});
+    const std::string often =
+        tried ? fmt::format("{} tries; the last one failed on ", entry.tries)
+              : fmt::format("it was sent {} times; the last time ", entry.sends);
+    return end(at, {.problem = "given up after " + often + problem});
   }
   if (!entry.given.empty()) return;
+  entry.hedge_at.reset();
+  entry.offered_at.reset();
+  entry.progress->missing = missing;
+  if (missing) return;
   // Later each time, and not all robots at once.
   const double jitter = std::uniform_real_distribution<double>(1, 2)(random_);
   entry.offered_at = now + scaled(std::min<std::int64_t>(entry.sends, 10) * limits_.again, jitter);
-  entry.hedge_at.reset();
 }
 
 void Caller::heard(HelloMessage hello, Nanos now) {
@@ -277,7 +274,7 @@ void Caller::end(Entries::iterator at, ReplyMessage how) {
       at->second.given, [&](const Given& each) { return !done || each.send != how.send; });
   // Whoever has it may let go of it.
   if (others && linked_) say_(subject("cancel", robot_), encode(CancelMessage{at->first}));
-  at->second.submission.progress->end = std::move(how);
+  at->second.progress->end = std::move(how);
   entries_.erase(at);
 }
 
@@ -328,17 +325,21 @@ RobotLink::RobotLink(const RobotOptions& options)
       if (!is_up) caller.link_down();
     });
   });
-  const auto subscribe = [this]<typename Said>(const std::string& to, std::size_t most_bytes,
+  const auto subscribe = [this]<typename Said>(const std::string& to,
                                                void (Caller::*hear)(Said, Nanos)) {
     connection_->subscribe(to, [=, this](const Incoming& message) {
-      if (message.data.size() > most_bytes) throw_bad_input("a worker says too much");
+      constexpr bool kReplies = std::is_same_v<Said, ReplyMessage>;  // They have outputs.
+      if (!kReplies && message.data.size() > kMostHello) throw_bad_input("a worker says too much");
       Said said = decode_as<Said>(message.data);
+      if constexpr (kReplies) {  // It may be the stream that a worker had trouble with.
+        if (said.kind == ReplyKind::kLater || said.kind == ReplyKind::kMissing) look_for_stream();
+      }
       step([&](Caller& caller, Nanos now) { (caller.*hear)(std::move(said), now); });
     });
   };
-  subscribe(subject("claim", options_.robot), kMostHello, &Caller::claimed);
-  subscribe(subject("answer", options_.robot), kMostReply, &Caller::replied);
-  subscribe(kHelloSubject, kMostHello, &Caller::heard);
+  subscribe(subject("claim", options_.robot), &Caller::claimed);
+  subscribe(subject("answer", options_.robot), &Caller::replied);
+  subscribe(kHelloSubject, &Caller::heard);
   server_ = start_thread([this](const std::stop_token& stop) { serve(stop); });
 }
 
@@ -368,15 +369,10 @@ void RobotLink::serve(const std::stop_token& stop) {
 /// Without a stream of its own nothing large would ever get to a worker.
 void RobotLink::ask_for_stream() {
   const auto answer =
-      connection_->request("$JS.API.STREAM.INFO." + blob_stream(options_.robot), "", kAskAgain);
+      connection_->request("$JS.API.STREAM.INFO." + blob_stream(options_.robot), {}, kAskAgain);
   if (!answer.came && !connection_->is_up()) return;
-  StreamAnswer stream = answer.came ? read_answer(answer) : StreamAnswer();
-  if (!answer.came) {
-    stream.why = fmt::format(
-        "it does not say whether robot '{}' has a stream; may this user be that robot (pirt "
-        "cloud-admin permissions)?",
-        options_.robot);
-  } else if (connection_->chunk_bytes() == 0) {
+  StreamAnswer stream = read_answer(answer);
+  if (connection_->chunk_bytes() == 0) {
     stream.why = connection_->why_no_chunks();
   } else if (stream.error == kNoStream) {
     stream.why = fmt::format("no stream for robot '{}'; run `pirt cloud-admin setup --robots {}`",
@@ -399,16 +395,14 @@ std::string RobotLink::why_down() const {
   const std::lock_guard lock(mutex_);
   if (caller_.is_up(clock_.now())) return "";
   if (!no_stream_.empty()) return server + ": " + no_stream_;
-  if (!problem.empty() && caller_.is_alone()) {
-    return "nothing was heard of a worker at " + server + " (" + problem + ")";
-  }
-  return "no worker is at " + server + "; start one (pirt cloud-worker --server " +
-         public_url(options_.connection.server) + ")";
+  return fmt::format("no worker is at {}{}; start one (pirt cloud-worker --server {})", server,
+                     problem.empty() ? "" : " (" + problem + ")",
+                     public_url(options_.connection.server));
 }
 
 std::string RobotLink::why_too_large(const std::string& what, std::uint64_t bytes) const {
   const std::lock_guard lock(mutex_);
-  if (stream_bytes_ <= 0 || std::cmp_less_equal(bytes, stream_bytes_)) return "";
+  if (fits(bytes)) return "";
   return fmt::format(
       "{} has {} MB to send, and robot {} may have {} MB on the server; give it more (pirt "
       "cloud-admin setup --robot-mb)",

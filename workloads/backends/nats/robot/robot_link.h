@@ -3,6 +3,7 @@
 // the robot's stream, and reads from there (link/stream.h).
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <condition_variable>
 #include <cstddef>
@@ -14,6 +15,7 @@
 #include <mutex>
 #include <optional>
 #include <random>
+#include <set>
 #include <string>
 #include <thread>
 #include <utility>
@@ -45,14 +47,7 @@ struct Progress {
   std::optional<ReplyMessage> end = {};
 };
 
-struct Submission {
-  /// Whole, but for its numbers; its time counts from now.
-  TaskMessage task = {};
-  std::shared_ptr<Progress> progress = std::make_shared<Progress>();  ///< Of this task alone.
-};
-
 struct CallerCounts {
-  std::int64_t submitted = 0;  ///< = those that ended, and live ones.
   std::int64_t done = 0;
   std::int64_t sent_again = 0;
   std::int64_t hedged = 0;   ///< Of those: a second worker, beside the first.
@@ -68,9 +63,15 @@ class Caller {
   using Say = std::function<void(std::string subject, Bytes message)>;
 
   /// @param robot  Whose program's @p run it is, a random number.
-  Caller(std::string robot, std::uint64_t run, const CallerLimits& limits, Say say);
+  Caller(std::string robot, std::uint64_t run, const CallerLimits& limits, Say say)
+      : robot_(std::move(robot)),
+        run_(run),
+        limits_(limits),
+        say_(std::move(say)),
+        random_(static_cast<std::uint32_t>(run)) {}
 
-  void submit(Submission submission, Nanos now);
+  /// @param task  Whole, but for its numbers; its time counts from now.
+  std::shared_ptr<Progress> submit(TaskMessage task, Nanos now);
   /// Nothing more is heard of it but its end.
   void cancel(const TaskId& task);
   /// What workers missed is there now.
@@ -92,8 +93,6 @@ class Caller {
   void measure(Nanos took, std::size_t bytes);
   /// Whether a task that is submitted now gets to a worker.
   [[nodiscard]] bool is_up(Nanos now) const;
-  /// Nobody was heard.
-  [[nodiscard]] bool is_alone() const { return workers_.empty(); }
   /// Why no worker that was heard computes it: nobody knows it, or it is something else there;
   /// empty if one does, or nobody was heard.
   [[nodiscard]] std::string why_not(const Kind& kind) const;
@@ -107,12 +106,13 @@ class Caller {
     Nanos since{0}, until{0};  ///< Nothing was heard of it then: it is not there any more.
   };
   struct Entry {
-    Submission submission = {};
+    TaskMessage task = {};
+    std::shared_ptr<Progress> progress = std::make_shared<Progress>();
+    std::set<std::uint64_t> refused = {};  ///< By these workers.
     std::optional<Nanos> offered_at = {};  ///< Waits for a worker from then on.
     std::optional<Nanos> deadline = {}, hedge_at = {};
     std::vector<Given> given = {};
-    Nanos given_at{0};  ///< To a worker, the last time, in so many bytes.
-    std::size_t given_bytes = 0;
+    std::size_t given_bytes = 0;  ///< To a worker, the last time.
     std::uint32_t sends = 0, tries = 0;
   };
   using Entries = std::map<TaskId, Entry>;
@@ -122,6 +122,7 @@ class Caller {
     bool is_here = false;  ///< It was heard since there is this link.
     [[nodiscard]] bool lives(Nanos now, Nanos within) const { return is_here && now < at + within; }
   };
+  using Workers = std::map<std::uint64_t, Worker>;  ///< By instance.
 
   [[nodiscard]] static bool waits(const Entry& entry, Nanos now) {
     return entry.offered_at && *entry.offered_at <= now;
@@ -129,7 +130,8 @@ class Caller {
   [[nodiscard]] std::uint32_t waiting(Nanos now) const;
   void offer(Nanos now);
   void give(Entry& entry, std::uint64_t worker, Nanos now);
-  void failed(Entries::iterator at, const std::string& problem, Nanos now);
+  [[nodiscard]] static bool suits(const Entry& entry, const Workers::value_type& worker);
+  void failed(Entries::iterator at, const std::string& problem, Nanos now, bool missing = false);
   void end(Entries::iterator at, ReplyMessage how);
   void restart_waits(Nanos now);
   [[nodiscard]] std::optional<Nanos> hedged_after(const Digest& spec) const;
@@ -142,7 +144,7 @@ class Caller {
   std::minstd_rand random_;
   Entries entries_;
   bool linked_ = false;
-  std::map<std::uint64_t, Worker> workers_;   ///< That are not silent, by instance.
+  Workers workers_;                           ///< That are not silent.
   Nanos offered_{-1};                         ///< When tasks were offered last.
   std::map<Digest, std::deque<Nanos>> took_;  ///< The last calls of each spec.
   CallerCounts counts_;
@@ -177,8 +179,9 @@ class RobotLink {
   template <typename Input>
   void step(const Input& input) {
     std::unique_lock lock(mutex_);
+    const std::size_t before = said_.size();  // Whoever said that publishes it.
     input(caller_, clock_.now());
-    const bool says = !said_.empty();
+    const bool says = said_.size() > before;
     lock.unlock();
     changed_.notify_all();
     if (!says) return;
@@ -195,8 +198,6 @@ class RobotLink {
     std::unique_lock lock(mutex_);
     return changed_.wait_for(lock, most, holds);
   }
-  /// Whoever waits looks again.
-  void notify() { changed_.notify_all(); }
 
   [[nodiscard]] bool is_up() const { return ask(&Caller::is_up, clock_.now()); }
   /// Until it is up, or @p most is over. @return  Whether it is.
@@ -207,9 +208,19 @@ class RobotLink {
   [[nodiscard]] std::string why_down() const;
   /// Why so many bytes of @p what cannot be on this robot's stream; empty if they can.
   [[nodiscard]] std::string why_too_large(const std::string& what, std::uint64_t bytes) const;
-  /// Something could not be put on the robot's stream: it may be gone, or be another one.
+  /// Within a wait: room beside other calls on the stream, where what is new pushes out what is
+  /// old. Alone each has it. @return  Whether it is @p taken, until give_room.
+  bool take_room(std::uint64_t bytes, std::uint64_t& taken) {
+    const bool has = bytes == 0 || room_taken_ == 0 || fits(room_taken_ + bytes);
+    if (has) room_taken_ += taken = bytes;
+    return has;
+  }
+  void give_room(std::uint64_t bytes) {
+    step([&](Caller&, Nanos) { room_taken_ -= bytes; });
+  }
+  /// The robot's stream may be gone, or be another one.
   void look_for_stream() {
-    step([this](Caller&, Nanos now) { ask_at_ = now; });
+    step([this](Caller&, Nanos now) { ask_at_ = std::min(ask_at_, now); });
   }
   [[nodiscard]] Connection& connection() { return *connection_; }
   [[nodiscard]] const std::string& robot() const { return options_.robot; }
@@ -217,6 +228,9 @@ class RobotLink {
  private:
   void serve(const std::stop_token& stop);
   void ask_for_stream();
+  [[nodiscard]] bool fits(std::uint64_t bytes) const {
+    return stream_bytes_ <= 0 || std::cmp_less_equal(bytes, stream_bytes_);
+  }
 
   RobotOptions options_;
   std::uint64_t run_ = new_id();
@@ -230,6 +244,7 @@ class RobotLink {
   std::vector<std::pair<std::string, Bytes>> said_;  ///< Subjects and messages, within a step.
   Nanos ask_at_ = Nanos::max();                      ///< For the robot's stream.
   std::int64_t stream_bytes_ = 0;  ///< That its stream may have; below 1 = any number.
+  std::uint64_t room_taken_ = 0;   ///< Of those.
   std::string no_stream_;          ///< Why there is none, with the remedy; empty = there is.
 
   std::jthread server_;

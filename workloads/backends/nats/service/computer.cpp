@@ -78,7 +78,7 @@ bool may_be(std::uint64_t bytes, std::span<const TensorSpec> specs) {
 std::vector<Tensor> tensors_of(const Call& call, const char* what, ByteView bytes,
                                std::span<const TensorSpec> specs) {
   try {
-    return decode_tensors(bytes, specs);
+    return decode_tensors(bytes, specs, own_operation(*call.workload) != nullptr);
   } catch (const Error& error) {
     throw_bad_input(call.workload->name + ": " + what + error.what());
   }
@@ -110,6 +110,9 @@ class DeviceComputer : public Computer {
       entry.kernel->download();
       entry.kernel->unbind();
       reply.execute = clock_.now() - begin;
+    } catch (const CallFailed& error) {  // What computes it goes on.
+      entry.kernel->unbind();
+      reply = failure(error);
     } catch (...) {
       entries_.pop_front();  // Nobody knows what it refers to.
       check_device();
@@ -117,7 +120,12 @@ class DeviceComputer : public Computer {
     }
     const std::uint64_t less = before + encoded_bytes(call.workload->outputs), now = held_bytes();
     if (now > less) entry.bytes = std::max(entry.bytes, now - less);
-    reply.outputs.bytes = encode_tensors(outputs);
+    if (const auto* const other = dynamic_cast<const OtherProcess*>(entry.kernel.get())) {
+      const auto peak = static_cast<std::uint64_t>(other->peak_bytes().value_or(0));
+      // One that is larger than all of it may be there alone.
+      entry.bytes = std::max(entry.bytes, std::min(kept_bytes_, call_bytes(*call.workload) + peak));
+    }
+    if (reply.kind == ReplyKind::kDone) reply.outputs.bytes = encode_tensors(outputs);
     inputs.clear();
     outputs.clear();
     keep_to_limits(call.parameters.size());
@@ -275,9 +283,10 @@ class ProcessComputer : public Computer {
   ~ProcessComputer() override { static_cast<void>(end()); }
 
   ReplyMessage compute(const Call& call) override {
+    // One that died after the call before is no end of this one.
+    if (process_ > 0 && ::waitpid(process_, nullptr, WNOHANG) != 0) process_ = -1;
     if (process_ <= 0) start(call);
-    const auto own = program_.call_limits.find(call.workload.get());
-    const Nanos limit = own != program_.call_limits.end() ? own->second : program_.call_limit;
+    const Nanos limit = program_.call_limit(*call.workload);
     Deadline deadline(clock_.now(), limit);
     std::optional<Deadline> ending;  // As the worker ends.
     bool over = false;
@@ -320,9 +329,7 @@ class ProcessComputer : public Computer {
     line_ = FileDescriptor(ends[0]);
     FileDescriptor theirs(ends[1]);
     if (has_line) process_ = start_child(program_.command, {-1, -1, -1, theirs.get()});
-    std::string how =
-        fmt::format("{}: {}", has_line ? "no process could be started" : "no line to a process",
-                    std::strerror(errno));
+    std::string how = std::string("no process could be started: ") + std::strerror(errno);
     theirs.close();
     if (process_ > 0) {
       Deadline deadline(clock_.now(), kStart);
@@ -347,18 +354,14 @@ class ProcessComputer : public Computer {
     line_.close();
     if (process_ <= 0) return "is not there";
     int status = 0;
+    pid_t got = 0;
     const Nanos until = clock_.now() + program_.end_limit;
-    while (::waitpid(process_, &status, WNOHANG) == 0) {
+    while ((got = ::waitpid(process_, &status, WNOHANG)) == 0) {
       if (clock_.now() >= until) ::kill(process_, SIGKILL);
       ::usleep(1000);
     }
     process_ = -1;
-    if (WIFSIGNALED(status)) {
-      const int signal = WTERMSIG(status);
-      const char* const name = ::sigabbrev_np(signal);
-      return fmt::format("died (SIG{})", name != nullptr ? name : std::to_string(signal));
-    }
-    return fmt::format("ended with code {}", WEXITSTATUS(status));
+    return how_ended(got < 0 ? std::nullopt : std::optional(status));
   }
 
   SlotProgram program_;
@@ -374,6 +377,7 @@ ReplyMessage failure(const std::exception& error) {
   const auto* const known = dynamic_cast<const Error*>(&error);
   if (known != nullptr && known->code() == ErrorCode::kBadInput) reply.kind = ReplyKind::kRefused;
   if (const auto* const done = dynamic_cast<const NotDone*>(&error)) reply.kind = done->kind;
+  if (dynamic_cast<const CallFailed*>(&error) != nullptr) reply.kind = ReplyKind::kCallFailed;
   if (reply.problem.empty()) reply.problem = "an error without words";
   return reply;
 }

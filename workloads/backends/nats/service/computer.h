@@ -42,8 +42,8 @@ struct ProcessGone : NotDone {
   explicit ProcessGone(const std::string& why) : NotDone(ReplyKind::kFailedTry, why) {}
 };
 
-/// What a call comes to that threw: NotDone says it. Error{kBadInput} is so everywhere, and
-/// refused; all else is a try that failed.
+/// What a call comes to that threw: NotDone and CallFailed say it. Error{kBadInput} is refused; all
+/// else is a try that failed.
 [[nodiscard]] ReplyMessage failure(const std::exception& error);
 
 /// What a worker computes, and nothing else: judged from the head of a task, before anything is
@@ -74,11 +74,9 @@ class Admission {
                                                              std::uint64_t kept_bytes);
 
 struct SlotProgram {
-  std::vector<std::string> command;             ///< Its file and arguments.
-  Nanos call_limit = std::chrono::seconds(60);  ///< With preparing; then the process is killed.
-  std::map<const Workload*, Nanos> call_limits = {};  ///< In its place, of those that are here.
-  /// The same for a call that is computed as the worker ends.
-  Nanos end_limit = std::chrono::seconds(5);
+  std::vector<std::string> command;                  ///< Its file and arguments.
+  std::function<Nanos(const Workload&)> call_limit;  ///< With preparing; then it is killed.
+  Nanos end_limit = std::chrono::seconds(5);         ///< The same as the worker ends.
 };
 
 /// In a process of its own: a kernel that crashes, or takes too long, takes a try, and not the

@@ -15,7 +15,6 @@ namespace {
 
 constexpr Nanos kLook = std::chrono::milliseconds(100);
 constexpr Nanos kSettling = std::chrono::seconds(1);  ///< Of a link that came or went.
-constexpr Nanos kLinkBack = std::chrono::seconds(4);  ///< For a reply to wait for one.
 constexpr Nanos kQuiet = std::chrono::seconds(5);     ///< Between what robots do wrong.
 
 /// Of a robot, in a few bytes.
@@ -37,7 +36,7 @@ void look_at_server(Connection& connection, const std::function<void(const std::
   try {
     if (connection.chunk_bytes() == 0) throw_environment(connection.why_no_chunks());
     const std::string first = "$JS.API.STREAM.INFO.PIRT_" + Setup{}.robots[0];
-    const auto answer = connection.request(first, "", std::chrono::seconds(1));
+    const auto answer = connection.request(first, {}, std::chrono::seconds(1));
     if (!answer.came) return;
     const StreamAnswer stream = read_answer(answer);
     if (stream.error == 0) return;
@@ -190,7 +189,6 @@ WorkerLink::WorkerLink(const WorkerOptions& options, std::span<const Workload* c
       hello_(encode(HelloMessage{.instance = instance_,
                                  .worker = options.name,
                                  .version = options.version,
-                                 .slots = static_cast<std::uint32_t>(options.limits.slots),
                                  .workloads = admission_.known()})),
       desk_(options.limits) {
   options_.connection.name = "pirt worker " + options_.name;
@@ -278,12 +276,9 @@ void WorkerLink::serve(const std::stop_token& stop) {
 /// The subject is the server's, which vouches for the robot. What nobody asked for is not even
 /// read.
 void WorkerLink::on_task(const std::string& robot, ByteView frame) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (!is_robot_name(robot) || !desk_.expects(robot)) {
-      ++counts_.malformed;
-      return;
-    }
+  if (const std::lock_guard lock(mutex_); !is_robot_name(robot) || !desk_.expects(robot)) {
+    ++counts_.malformed;
+    return;
   }
   auto job = std::make_shared<Job>();
   job->robot = robot;
@@ -330,9 +325,7 @@ void WorkerLink::compute(const std::stop_token& stop, int slot) {
       ++(unwanted ? counts_.cancelled : counts_.ended_as[static_cast<std::size_t>(reply.kind)]);
     });
     try {
-      if (unwanted || say(*job, reply) || stopping_) continue;
-      // Once more where there is a link again before its robot asks another worker.
-      if (connection_->wait_until_up(kLinkBack)) say(*job, std::move(reply));
+      if (!unwanted) say(*job, std::move(reply));
     } catch (const std::exception& error) {
       connection_->note(error.what());
     }
@@ -422,11 +415,11 @@ void serve(const WorkerOptions& options, std::span<const Workload* const> worklo
     std::this_thread::sleep_for(kLook);
   }
   const WorkerCounts counts = worker.end();
-  const auto& [done, failed, refused, missed, returned, expired, running] = counts.ended_as;
+  const auto& [done, tries, failed, refused, missed, returned, expired, running] = counts.ended_as;
   say(fmt::format(
       "{} taken, {} done, {} failed, {} refused, {} missed, {} returned, {} expired, {} cancelled, "
       "{} malformed",
-      counts.taken, done, failed, refused, missed, returned, expired, counts.cancelled,
+      counts.taken, done, tries + failed, refused, missed, returned, expired, counts.cancelled,
       counts.malformed));
 }
 

@@ -1,8 +1,7 @@
 // The worker's end. A Desk decides which robot is asked for a task next; a WorkerLink drives it
 // over a connection, and hands what was admitted to whoever computes: a thread claims, says that
 // tasks are computed, and that the worker lives; one a slot computes. Commands start it with
-// serve(). In a build without the backend that, administer(), permissions() and the functions of
-// computer.h each say so.
+// serve(). In a build without the backend (its probe() says so) this room does nothing.
 #pragma once
 
 #include <array>
@@ -109,7 +108,7 @@ struct WorkerCounts {
   std::int64_t taken = 0;      ///< = those that ended, were cancelled, or are computed now.
   std::int64_t malformed = 0;  ///< Messages that were none, or that nobody had asked for.
   std::int64_t cancelled = 0;  ///< Nobody wanted them any more.
-  std::array<std::int64_t, 7> ended_as = {};  ///< By ReplyKind.
+  std::array<std::int64_t, 8> ended_as = {};  ///< By ReplyKind.
 
   [[nodiscard]] std::int64_t ended(ReplyKind how) const {
     return ended_as[static_cast<std::size_t>(how)];
@@ -150,11 +149,9 @@ class WorkerLink {
   /// What somebody waits for may be there then. @param how  void(Nanos now)
   template <typename How>
   void change(const How& how) {
-    {
-      const std::lock_guard lock(mutex_);
-      how(clock_.now());
-      changed_now_ = true;
-    }
+    const std::lock_guard lock(mutex_);
+    how(clock_.now());
+    changed_now_ = true;
     changed_.notify_all();
   }
 
@@ -182,8 +179,7 @@ class WorkerLink {
 /// Runs a worker until it is told to stop. Makes the stream of robot "robot", where it may.
 /// @param stop  Looked at several times a second.
 /// @param say   Gets what it tells of itself, a line each.
-/// @throws Error{kEnvironment} in a build without the backend, and where the server can never
-/// serve; as WorkerLink.
+/// @throws Error{kEnvironment} where the server can never serve; as WorkerLink.
 void serve(const WorkerOptions& options, std::span<const Workload* const> workloads,
            const std::function<bool()>& stop, const std::function<void(const std::string&)>& say);
 

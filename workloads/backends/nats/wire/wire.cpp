@@ -1,6 +1,7 @@
 #include "workloads/backends/nats/wire/wire.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <openssl/evp.h>
 
 #include <algorithm>
@@ -44,7 +45,6 @@ class Fields {
     (value(const_cast<std::remove_cvref_t<Each>&>(each)), ...);
     return *this;
   }
-  void reserve(std::size_t size) { bytes_.reserve(size); }
   Fields& put(ByteView bytes) {
     bytes_.insert(bytes_.end(), bytes.begin(), bytes.end());
     return *this;
@@ -154,7 +154,7 @@ void fields(Fields& all, ReplyMessage& reply) {
 void fields(Fields& all, CancelMessage& cancel) { all(cancel.task); }
 void fields(Fields& all, HelloMessage::Known& known) { all(known.workload, known.spec); }
 void fields(Fields& all, HelloMessage& hello) {
-  all(hello.instance, hello.worker, hello.version, hello.slots, hello.workloads);
+  all(hello.instance, hello.worker, hello.version, hello.workloads);
 }
 
 ByteView checksum(const Digest& digest) {
@@ -244,9 +244,6 @@ template HelloMessage decode_as(ByteView);
 
 Bytes encode_tensors(std::span<const Tensor> tensors) {
   Fields out;
-  std::size_t size = 4;
-  for (const Tensor& tensor : tensors) size += 8 + tensor.used_bytes().size();
-  out.reserve(size);
   out(static_cast<std::uint32_t>(tensors.size()));
   for (const Tensor& tensor : tensors) out(tensor.rows()).put(tensor.used_bytes());
   return out.written();
@@ -258,10 +255,11 @@ std::uint64_t encoded_bytes(std::span<const TensorSpec> specs) {
   return size;
 }
 
-std::vector<Tensor> decode_tensors(ByteView bytes, std::span<const TensorSpec> specs) {
+std::vector<Tensor> decode_tensors(ByteView bytes, std::span<const TensorSpec> specs, bool own) {
   auto tensors = make_tensors(specs);
   decode_tensors_into(bytes, tensors);
   for (const Tensor& each : tensors) {
+    if (own && each.spec().ranges.empty()) continue;
     if (const std::string problem = out_of_range(each); !problem.empty()) throw_bad_input(problem);
   }
   return tensors;

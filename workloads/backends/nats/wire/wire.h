@@ -127,12 +127,13 @@ struct TaskMessage {
 
 enum class ReplyKind : std::uint8_t {
   kDone,
-  kFailedTry,  ///< It threw, its process died, or it was over its time: a try.
-  kRefused,    ///< This is never computed: unknown, another spec, wrong sizes, over a quota.
-  kMissing,    ///< Its parameters or inputs are not on the stream. No try.
-  kLater,      ///< No room, or no way to the stream. No try.
-  kExpired,    ///< Its time was over before it began.
-  kRunning,    ///< No end: a worker has it.
+  kFailedTry,   ///< It threw, its process died, or it was over its time: a try.
+  kCallFailed,  ///< Its own function says so (CallFailed): nobody is to try again.
+  kRefused,     ///< Not computed here: unknown, another spec, wrong sizes, over a quota.
+  kMissing,     ///< Its parameters or inputs are not on the stream. No try.
+  kLater,       ///< No room, or no way to the stream. No try.
+  kExpired,     ///< Its time was over before it began.
+  kRunning,     ///< No end: a worker has it.
   kLast = kRunning,
 };
 
@@ -163,7 +164,6 @@ struct HelloMessage {
   };
   std::uint64_t instance = 0;  ///< Of one start of its program.
   std::string worker = {}, version = {};
-  std::uint32_t slots = 1;
   std::vector<Known> workloads = {};
 };
 
@@ -185,8 +185,10 @@ template <typename T>
 /// At most so many bytes encode_tensors makes of these; fewer only where lists are not full.
 [[nodiscard]] std::uint64_t encoded_bytes(std::span<const TensorSpec> specs);
 /// @param specs  Of the tensors that are expected.
+/// @param own    Of a user's own workload: what has no ranges takes any numbers.
 /// @throws Error{kBadInput} for all others, values out of their ranges, and numbers that are none.
-[[nodiscard]] std::vector<Tensor> decode_tensors(ByteView bytes, std::span<const TensorSpec> specs);
+[[nodiscard]] std::vector<Tensor> decode_tensors(ByteView bytes, std::span<const TensorSpec> specs,
+                                                 bool own = false);
 /// Into tensors that are there; with an error they are as they were.
 void decode_tensors_into(ByteView bytes, std::span<Tensor> tensors);
 
