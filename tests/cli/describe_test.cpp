@@ -63,6 +63,22 @@ TEST_F(Recognition, DescribesAsJsonLines) {
   EXPECT_EQ(scenes[1].at("labels").size(), 2U);
 }
 
+TEST_F(Recognition, LeavesOutAPictureThatCannotBeRead) {
+  const Scratch scratch;
+  const std::string dog = photos_ + "dog.jpg";
+  const std::string cut = scratch.write("cut.jpg", slurp(dog).substr(0, 5000));
+  const auto few = run_with_yolo({cut, dog, dog});
+  EXPECT_EQ(few.exit_code, 4);
+  EXPECT_EQ(std::ranges::count(few.out, '\n'), 2);
+  EXPECT_THAT(few.err, testing::AllOf(HasSubstr("cut.jpg"), HasSubstr("1 of 3 pictures")));
+  std::vector<std::string> many(20, dog);
+  many.push_back(cut);
+  const auto most = run_with_yolo(many);
+  EXPECT_EQ(most.exit_code, 0);
+  EXPECT_EQ(std::ranges::count(most.out, '\n'), 20);
+  EXPECT_THAT(most.err, HasSubstr("cut.jpg"));
+}
+
 TEST_F(Recognition, RefusesWhatIsNoModelOrNoPicture) {
   const Scratch scratch;
   expect_refused(run_with_yolo({scratch.write("a.jpg", "x")}), {"a.jpg", "neither"});

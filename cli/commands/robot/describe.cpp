@@ -2,6 +2,9 @@
 #include <fmt/core.h>
 
 #include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "cli/commands.h"
 #include "cli/options/files.h"
@@ -9,6 +12,7 @@
 #include "cli/options/output.h"
 #include "cli/options/values.h"
 #include "reports/document/document.h"
+#include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/recognition/describe_scene.h"
@@ -51,16 +55,32 @@ int describe(const DescribeFlags& options) {
   Table table;
   table.columns = {{"picture", Align::kLeft}, {"object", Align::kLeft}, {"score"}, {"at"}, {"size"},
                    {"place", Align::kLeft}};
-  for (const auto& file : picture_files(options.pictures)) {
-    const auto scene = recognition::describe_scene(
-        file, rgb_pixels(file), detector, classifier ? &*classifier : nullptr, options.detect,
-        static_cast<std::size_t>(options.labels));
+  const auto files = picture_files(options.pictures);
+  std::vector<std::string> bad;
+  for (const auto& file : files) {
+    std::optional<Tensor> pixels;
+    try {
+      pixels.emplace(rgb_pixels(file));
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kBadInput) throw;
+      bad.emplace_back(error.what());
+      continue;
+    }
+    const auto scene =
+        recognition::describe_scene(file, *pixels, detector, classifier ? &*classifier : nullptr,
+                                    options.detect, static_cast<std::size_t>(options.labels));
     lines += json_text(recognition::to_json(scene)) + "\n";
     append_rows(scene, table);
   }
+  if (!bad.empty() && bad.size() == files.size()) throw_bad_input(bad.front());
   if (options.table) lines = render({"", {std::move(table)}}, Format::kText);
   emit_text(lines, options.output);
-  return 0;
+  warn_all(bad);
+  const double most = kMostBadPart * static_cast<double>(files.size());
+  if (static_cast<double>(bad.size()) <= most) return 0;
+  warn(fmt::format("{} of {} pictures are left out, more than {:.0f} %", bad.size(), files.size(),
+                   100 * kMostBadPart));
+  return kExitEnvironment;
 }
 
 }  // namespace

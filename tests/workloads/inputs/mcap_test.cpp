@@ -460,6 +460,15 @@ TEST_F(Packed, APartThatIsNoFileIsRefused) {
   }
 }
 
+TEST_F(Packed, AMetadataFileOfNothingIsAsNone) {
+  fs::create_directory(path("rec"));
+  write("rec/a_0.mcap");
+  for (const std::string& text : {std::string(), std::string(64, '\0')}) {
+    put(path("rec/metadata.yaml"), text);
+    EXPECT_EQ(open_recording(path("rec"))->file(), path("rec/a_0.mcap").string());
+  }
+}
+
 TEST_F(Packed, OneFlightIsTheSameTrajectoryToTheByteHoweverItIsRecorded) {
   SceneOptions scene = test::scene(3, 2.0, true);
   scene.width = 320;

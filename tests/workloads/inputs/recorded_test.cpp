@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
@@ -88,6 +89,85 @@ TEST_F(OwnRecording, TakesTheCompressedTwinOfATopicWhosePicturesAreNone) {
   const Sequence sequence = read();
   EXPECT_THAT(sequence.image(0, 0).pixels, testing::Each(9));
   EXPECT_THAT(sequence.warnings, ElementsAre(HasSubstr("is encoded as 'yuv422_yuy2'")));
+}
+
+TEST_F(OwnRecording, TakesTheTwinThatHasThePictures) {
+  add_info("/camera/camera_info");
+  for (int i = 1; i <= 5; ++i) {
+    written_ = from_ms(50.0 * i).count();
+    if (i == 2) add_picture("/camera/image_raw", "mono8", 16, 16, kGrey);
+    add_compressed("/camera/image_raw/compressed", "png",
+                   encode_png(cv::Mat(16, 16, CV_8U, cv::Scalar(9))));
+  }
+  const Sequence sequence = read();
+  EXPECT_EQ(sequence.frames.size(), 5U);
+  EXPECT_THAT(sequence.warnings,
+              ElementsAre(HasSubstr(
+                  "/camera/image_raw has 1 pictures where /camera/image_raw/compressed has 5")));
+}
+
+/// An IMU whose messages may be none.
+class Imus : public OwnRecording {
+ protected:
+  void add_flight(const std::vector<std::pair<const char*, double>>& turns_rad_s) {
+    add_info("/camera/camera_info");
+    for (int i = 1; i < 5; ++i) {
+      written_ = from_ms(50.0 * i).count();
+      add_picture("/camera/image_raw", "mono8", 16, 16, kGrey);
+      for (const auto& [topic, turn_rad_s] : turns_rad_s) {
+        add(topic, ImuMessage::kType,
+            written(ImuMessage{.head = {Nanos(written_ + 1), frame_},
+                               .gyro_rad_s = {turn_rad_s, 0, 0},
+                               .accel_m_s2 = {0, 0, 9.81}},
+                    writer_->format()));
+      }
+    }
+  }
+};
+
+TEST_F(Imus, OneThatSaysNoNumbersIsLeftOut) {
+  add_flight({{"/a_imu", std::nan("")}, {"/imu", 0.1}});
+  const Sequence sequence = read();
+  ASSERT_EQ(sequence.imu.size(), 4U);
+  EXPECT_EQ(sequence.imu[0].gyro_rad_s.x(), 0.1);
+  EXPECT_THAT(sequence.warnings,
+              ElementsAre(AllOf(HasSubstr("/a_imu is not used"), HasSubstr("not finite"))));
+  EXPECT_THAT(test::bad_input([&] {
+                static_cast<void>(read_sequence(file_, {.topics = parse_topics("imu=/a_imu")}));
+              }),
+              HasSubstr("not finite"));
+}
+
+TEST_F(Imus, TheOnlyOneThatSaysNoNumbersIsRefusedWithTheRemedy) {
+  add_flight({{"/imu", std::nan("")}});
+  EXPECT_THAT(problem(), AllOf(HasSubstr("not finite"), HasSubstr("--topics imu=none")));
+}
+
+/// Topics without a file.
+class Listed final : public Recording {
+ public:
+  Listed() : Recording("listed") {}
+  void list(Topic topic, std::int64_t count) {
+    auto& places = topics_[add(std::move(topic))].places;
+    for (std::int64_t i = 0; i < count; ++i) places.push_back({Nanos(i)});
+  }
+  using Recording::finish;
+
+ private:
+  [[nodiscard]] std::string load(const Topic::Place& /*place*/,
+                                 std::uint64_t /*most*/) const override {
+    return "";
+  }
+};
+
+TEST(Recording, OfTopicsOfOneNameTheOneThatCanBeReadIsMeant) {
+  Listed recording;
+  const std::string type(ImuMessage::kType);
+  recording.list({.name = "/imu", .type = type, .encoding = "json"}, 801);
+  recording.list({.name = "/imu", .type = type}, 800);
+  recording.finish();
+  EXPECT_THAT(recording.of_type(type), ElementsAre(1));
+  EXPECT_THAT(recording.warnings(), ElementsAre(HasSubstr("801, encoded as 'json')")));
 }
 
 TEST_F(OwnRecording, TheInfoOfTheFolderAboveIsOfAnotherCamera) {

@@ -10,6 +10,9 @@
 #include <cstdlib>
 #include <memory>
 #include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
 
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
@@ -166,19 +169,65 @@ TEST_P(Recorded, OfAClockThatBeginsAnewTheLongestRunIsRead) {
               ElementsAre(AllOf(HasSubstr("begins anew"), HasSubstr("61 messages"))));
 }
 
+TEST_P(Recorded, OfTwoComputersOneBehindTheOtherAllIsRead) {
+  const auto out = writer();
+  for (const char* sensor : {"/a/imu", "/b/imu"}) {
+    for (int i = 1; i <= 200; ++i) {
+      const Nanos time = from_ms(10.0 * i);
+      out->write(sensor, ImuMessage::kType, time,
+                 written(ImuMessage{.head = {time, "imu"}}, out->format()));
+      out->write("/tf", TransformMessage::kType, time,
+                 written(std::vector<TransformMessage>(), out->format()));
+    }
+  }
+  out->publish();
+  const auto recording = open_recording(file());
+  for (const auto& [topic, count] :
+       {std::pair<const char*, std::size_t>("/a/imu", 200), {"/b/imu", 200}, {"/tf", 400}}) {
+    const std::size_t id = recording->topic(topic);
+    ASSERT_EQ(recording->topics()[id].messages, count) << topic;
+    EXPECT_EQ(recording->time(id, count - 1), from_ms(2000)) << topic;
+  }
+  EXPECT_THAT(recording->warnings(), IsEmpty());
+}
+
+TEST_P(Recorded, OfPartsInTheWrongOrderAllIsRead) {
+  const auto out = writer();
+  for (const double begin_ms : {3000, 1000}) {
+    for (int i = 1; i <= 200; ++i) {
+      const Nanos time = from_ms(begin_ms + 10.0 * i);
+      out->write("/imu", ImuMessage::kType, time,
+                 written(ImuMessage{.head = {time, "imu"}}, out->format()));
+    }
+  }
+  out->publish();
+  const auto recording = open_recording(file());
+  ASSERT_EQ(recording->topics().at(0).messages, 400U);
+  for (std::size_t i = 0; i < 400; ++i) {
+    EXPECT_EQ(recording->time(0, i), from_ms(1010 + 10.0 * static_cast<double>(i)));
+  }
+  EXPECT_THAT(recording->warnings(), IsEmpty());
+}
+
 TEST_P(Recorded, OfARecordersClockThatIsSetBackAllIsRead) {
-  const std::pair<double, bool> clocks[] = {{2, false}, {2, true}, {0.5, false}, {0.5, true}};
-  for (const auto& [back_s, sensors_too] : clocks) {
+  const std::tuple<double, double, bool> clocks[] = {
+      {2, 10, false}, {5, 10, true}, {0.5, 10, false}, {0.5, 10, true}, {0.25, 100, false}};
+  for (const auto& [back_s, step_ms, sensors_too] : clocks) {
     fs::remove(file());
     const auto out = writer();
     for (int i = 1; i <= 200; ++i) {
-      const Nanos time = from_ms(10'000 + 10.0 * i);
+      const Nanos time = from_ms(10'000 + step_ms * i);
       const Nanos recorded = i <= 100 ? time : time - from_s(back_s);
       const ImuMessage imu{.head = {sensors_too ? recorded : time, "imu"}};
       for (const char* topic : {"/imu", "/other"}) {
         if (i % 3 == 0 || std::string(topic) == "/imu") {
           out->write(topic, ImuMessage::kType, recorded, written(imu, out->format()));
         }
+      }
+      // One that the recorder's clock stamps tells nothing of the others.
+      if (i % 5 == 0) {
+        out->write("/stamped_late", ImuMessage::kType, recorded,
+                   written(ImuMessage{.head = {recorded, "imu"}}, out->format()));
       }
     }
     out->publish();
@@ -196,7 +245,7 @@ TEST_P(Recorded, OfARecordersClockThatIsSetBackAllIsRead) {
                 ElementsAre(HasSubstr(
                     fmt::format("set back by {:.2f} s after 100 messages of /imu", back_s))));
     for (std::size_t i = 0; i < 200; ++i) {
-      EXPECT_EQ(recording->time(imu, i), from_ms(10'010 + 10.0 * static_cast<double>(i)));
+      EXPECT_EQ(recording->time(imu, i), from_ms(10'000 + step_ms * static_cast<double>(i + 1)));
       EXPECT_FALSE(recording->message(imu, i).empty());
     }
   }
@@ -385,6 +434,7 @@ class HalfImus : public OwnRecording {
                        .gyro_rad_s = {time_ms, 1, 2},
                        .accel_m_s2 = {0.01 * time_ms, 0.1 * time_ms, 9.8}};
     (gyro ? message.has_accel : message.has_gyro) = false;
+    (gyro ? message.accel_m_s2 : message.gyro_rad_s).setConstant(std::nan(""));
     writer_->write(topic, ImuMessage::kType, from_ms(time_ms), written(message, WireFormat::kRos1));
   }
   void SetUp() override {

@@ -362,6 +362,40 @@ TEST_F(SpoiledEuroc, APauseChangesNoRate) {
   EXPECT_THAT(read.warnings, testing::Contains(HasSubstr("are not waited for")));
 }
 
+TEST_F(SpoiledEuroc, OfAnImuThatWasThinnedOutTheSamplesSayTheRate) {
+  EXPECT_EQ(read_sequence(folder_).imu_model->rate_hz, 200);
+  std::istringstream rows(text_of(folder_ / "mav0/imu0/data.csv"));
+  std::string line, text;
+  for (int i = 0; std::getline(rows, line); ++i) {
+    if (i % 4 == 0) text += line + "\n";  // the first is the heading
+  }
+  put(folder_ / "mav0/imu0/data.csv", text);
+  const Sequence read = read_sequence(folder_);
+  EXPECT_NEAR(read.imu_model->rate_hz, 50, 0.5);
+  EXPECT_THAT(read.warnings,
+              testing::Contains(HasSubstr("says 200 Hz; its samples come at 50 Hz")).Times(1));
+}
+
+TEST_F(SpoiledEuroc, SamplesThatCameInBurstsAreTakenToBeEven) {
+  const Sequence good = read_sequence(folder_);
+  std::ofstream out(folder_ / "mav0/imu0/data.csv");
+  for (std::size_t i = 0; i < good.imu.size(); ++i) {
+    const ImuSample& s = good.imu[i];
+    const std::size_t last = std::min(i - i % 4 + 3, good.imu.size() - 1);
+    const auto earlier = static_cast<std::int64_t>(100'000 * (3 - i % 4));
+    out << good.imu[last].time.count() - earlier << ',' << s.gyro_rad_s.x() << ','
+        << s.gyro_rad_s.y() << ',' << s.gyro_rad_s.z() << ',' << s.accel_m_s2.x() << ','
+        << s.accel_m_s2.y() << ',' << s.accel_m_s2.z() << '\n';
+  }
+  out.close();
+  const Sequence read = read_sequence(folder_);
+  ASSERT_EQ(read.imu.size(), good.imu.size());
+  for (std::size_t i = 4; i + 4 < good.imu.size(); ++i) {
+    EXPECT_LT(std::chrono::abs(read.imu[i].time - good.imu[i].time), Nanos(1000)) << i;
+  }
+  EXPECT_THAT(read.warnings, testing::ElementsAre(HasSubstr("samples come in bursts")));
+}
+
 TEST_F(SpoiledEuroc, TakesTheUpperBitsOfSixteen) {
   const Sequence good = read_sequence(folder_);
   const GreyImage picture = good.image(2, 0);

@@ -79,6 +79,16 @@ TEST(Stamps, OfAClockThatBeginsAnewAreOfItsLongestRun) {
   const auto half = ms({5000, 5050, 5100, 4600, 4650, 4700});
   EXPECT_THAT(restarts_of(half), IsEmpty());
   EXPECT_THAT(restarts_of(half, from_ms(100)), ElementsAre(3));
+  const auto at_10_hz = ms({1000, 1100, 1200, 1050, 1150, 1250});
+  EXPECT_THAT(restarts_of(at_10_hz, from_ms(100)), ElementsAre(3));
+  const auto one_late = ms({5000, 5050, 5100, 4850, 5150, 5200});
+  EXPECT_THAT(restarts_of(one_late, from_ms(100)), IsEmpty());
+  const auto one_ahead = ms({1000, 1100, 1500, 1300, 1400});
+  EXPECT_THAT(restarts_of(one_ahead, from_ms(100)), IsEmpty());
+  const auto two_swapped = ms({1000, 1150, 1450, 1300, 1600, 1750});
+  EXPECT_THAT(restarts_of(two_swapped, from_ms(100)), IsEmpty());
+  const auto two_in_turns = ms({1000, 1010, 800, 1030, 820, 1050, 840, 1060, 1070});
+  EXPECT_THAT(restarts_of(two_in_turns, from_ms(100)), IsEmpty());
 }
 
 TEST(Stamps, ArePlayedWithoutTheirPauses) {
@@ -99,6 +109,30 @@ TEST(Stamps, OfBurstsHaveTheRateOfTheirSamples) {
       times.push_back(5.0 * burst * whole + 0.1 * (i % burst) + pause_ms);
     }
     EXPECT_NEAR(usual_rate_hz(ms(times), 1), 200, 4) << burst;
+  }
+}
+
+TEST(Stamps, OfSamplesThatCameInBurstsAreMadeEven) {
+  for (const int burst : {1, 2, 4}) {
+    std::vector<ImuSample> imu;
+    for (int i = 0; i < 400; ++i) {
+      const double pause_ms = i < 200 ? 0 : 600'000;
+      const int whole = i / burst;
+      imu.push_back({.time = from_ms(5.0 * burst * whole + 0.1 * (i % burst) + pause_ms)});
+    }
+    const auto recorded = stamps_of(imu);
+    std::vector<std::string> warnings;
+    spread_bursts(imu, "/imu", warnings);
+    EXPECT_EQ(warnings.size(), burst > 1 ? 1U : 0U) << burst;
+    EXPECT_EQ(stamps_of(imu) == recorded, burst == 1) << burst;
+    for (std::size_t i = 4; i < imu.size(); ++i) {
+      const double step_ms = to_ms(imu[i].time - imu[i - 1].time);
+      if (i == 200) {
+        EXPECT_GT(step_ms, 590'000) << "the pause stays";
+      } else {
+        EXPECT_NEAR(step_ms, 5, 0.2) << burst << ", " << i;
+      }
+    }
   }
 }
 
@@ -250,6 +284,8 @@ TEST(Calibration, IsReadFromKalibrsFileAndThoseOfRos) {
   EXPECT_EQ(cameras[0].model.p2, 0.004);
   EXPECT_EQ(cameras[0].body_from_camera->position.x(), 0.1);
   EXPECT_EQ(cameras[1].first_from_camera->position.x(), 0.1);
+  put(file, "cam0:\n" + camera + "  T_imu_cam:" + rows);
+  EXPECT_EQ(read_calibration(file)[0].body_from_camera->position.x(), -0.1);
   put(file,
       "image_width: 640\nimage_height: 480\ncamera_matrix: {rows: 3, cols: 3, data: [400, 0, 320, "
       "0, 410, 240, 0, 0, 1]}\ndistortion_model: plumb_bob\ndistortion_coefficients: {data: [0.1, "
@@ -260,6 +296,26 @@ TEST(Calibration, IsReadFromKalibrsFileAndThoseOfRos) {
               AllOf(HasSubstr("camchain.yaml:1"), HasSubstr("pinhole")));
   put(file, "name: x\n");
   EXPECT_THAT(bad_input([&] { static_cast<void>(read_calibration(file)); }), HasSubstr("Kalibr"));
+}
+
+TEST(Calibration, OfOpenCvsOwnFileHasTheLensOfItsFlags) {
+  const test::ScratchFolder scratch;
+  const fs::path file = scratch.path() / "camera.yml";
+  const auto model = [&](const std::string& flags, const std::string& lens) {
+    put(file, "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n" + flags +
+                  "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+                  "   data: [ 4.0e+02, 0., 320., 0., 4.0e+02, 240., 0., 0., 1. ]\n"
+                  "distortion_coefficients: !!opencv-matrix\n   rows: 1\n   dt: d\n   data: [ " +
+                  lens + " ]\n");
+    return read_calibration(file)[0].model;
+  };
+  const CameraModel fisheye = model("fisheye_model: 1\n", "-0.01, 0.02, -0.008, 0.001");
+  EXPECT_EQ(fisheye.lens, Lens::kEquidistant);
+  EXPECT_EQ(fisheye.k4, 0.001);
+  const CameraModel plain = model("fisheye_model: 0\n", "0.1, 0.02, 0.003, 0.004, 0.005");
+  EXPECT_EQ(plain.lens, Lens::kRadialTangential);
+  EXPECT_EQ(std::pair(plain.p2, plain.k3), std::pair(0.004, 0.005));
+  EXPECT_EQ(model("", "0.1, 0.02, 0.003, 0.004, 0.005, 0.6, 0.07, 0.008").k6, 0.008);
 }
 
 /// Calibrations of a recording of nothing.

@@ -209,9 +209,8 @@ class RecordedImages final : public LoadedImages {
     // A dark one is known to be of 16 bits once a brighter one was seen.
     problem.clear();
     for (const std::size_t i : std::exchange(failed, {})) use(i, failed, problem);
-    constexpr double kMostPart = 0.05;  // as of a sequence
     left_out_ = failed.size();
-    if (static_cast<double>(left_out_) > kMostPart * static_cast<double>(count)) {
+    if (static_cast<double>(left_out_) > kMostBadPart * static_cast<double>(count)) {
       throw_bad_input(problem);
     }
     std::ranges::sort(messages_);

@@ -12,6 +12,9 @@
 
 namespace pirt {
 
+/// More than this part of some pictures is not one bad picture any more.
+inline constexpr double kMostBadPart = 0.05;
+
 /// Textured pictures (several octaves of value noise, edges, corners) as a pure function of the
 /// seed.
 [[nodiscard]] std::unique_ptr<ImageSource> generated_images(std::uint64_t seed);

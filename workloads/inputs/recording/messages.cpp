@@ -28,11 +28,13 @@ int side(WireReader& in) {
   return static_cast<int>(pixels);
 }
 
-Eigen::Vector3d read_vector(WireReader& in) {
-  Eigen::Vector3d vector;
-  for (int i = 0; i < 3; ++i) vector(i) = in.f64();
-  if (!vector.allFinite()) in.fail("has a number that is not finite");
-  return vector;
+/// @return  Whether it is measured, as its covariance says; else it need not be numbers.
+bool read_measured(WireReader& in, Eigen::Vector3d& vector) {
+  const auto v = in.numbers(3);
+  vector = {v[0], v[1], v[2]};
+  const bool is_measured = in.numbers(9)[0] != kUnknownCovariance;
+  if (is_measured && !vector.allFinite()) in.fail("has a number that is not finite");
+  return is_measured;
 }
 
 void write_vector(WireWriter& out, const Eigen::Vector3d& vector) {
@@ -148,10 +150,8 @@ ImuMessage read_imu(WireReader& in) {
   ImuMessage message;
   message.head = read_head(in);
   in.numbers(4 + 9);  // orientation, which a gyroscope does not know
-  message.gyro_rad_s = read_vector(in);
-  message.has_gyro = in.numbers(9)[0] != kUnknownCovariance;
-  message.accel_m_s2 = read_vector(in);
-  message.has_accel = in.numbers(9)[0] != kUnknownCovariance;
+  message.has_gyro = read_measured(in, message.gyro_rad_s);
+  message.has_accel = read_measured(in, message.accel_m_s2);
   return message;
 }
 

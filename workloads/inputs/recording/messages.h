@@ -36,7 +36,8 @@ struct ImuMessage {
   MessageHead head;
   Eigen::Vector3d gyro_rad_s = Eigen::Vector3d::Zero();
   Eigen::Vector3d accel_m_s2 = Eigen::Vector3d::Zero();
-  bool has_gyro = true, has_accel = true;  ///< Their covariances say so.
+  /// Their covariances say so; what is not there need not be numbers.
+  bool has_gyro = true, has_accel = true;
 };
 
 struct CameraInfoMessage {

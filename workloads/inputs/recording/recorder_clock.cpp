@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <optional>
 #include <utility>
 
@@ -42,9 +43,12 @@ std::optional<Nanos> stamp_of(const Recording& recording, std::size_t topic, std
   return std::nullopt;
 }
 
-/// Whether what sensors stamped goes on across it, so that it is the recorder's clock alone.
-bool stamps_go_on(const Recording& recording, const Fall& fall) {
-  bool go_on = false;
+/// What sensors' stamps do across a fall: nothing is known where no sensor has messages on both
+/// sides; where those of one go on, it is the recorder's clock alone.
+enum class Stamps : std::uint8_t { kUnknown, kGoOn, kBeginAnew };
+
+Stamps stamps_across(const Recording& recording, const Fall& fall) {
+  Stamps stamps = Stamps::kUnknown;
   for (std::size_t t = 0; t < recording.topics().size(); ++t) {
     const Topic& topic = recording.topics()[t];
     const bool is_sensor = topic.type == ImageMessage::kType ||
@@ -60,12 +64,11 @@ bool stamps_go_on(const Recording& recording, const Fall& fall) {
       if (!nearest || is_behind == is_before) nearest = i;
     }
     if (!last || !next) continue;
+    stamps = Stamps::kBeginAnew;
     const auto before = stamp_of(recording, t, *last), behind = stamp_of(recording, t, *next);
-    if (!before || !behind) continue;
-    if (*behind <= *before) return false;
-    go_on = true;
+    if (before && behind && *behind > *before) return Stamps::kGoOn;
   }
-  return go_on;
+  return stamps;
 }
 
 }  // namespace
@@ -88,11 +91,17 @@ void Recording::keep_longest_run() {
   constexpr Nanos kLeastSet = std::chrono::milliseconds(100);  // ntpd sets one that is off by 128
   auto falls = restarts_of(stamps, kLeastSet);
   if (falls.size() > kMostSet) falls = restarts_of(stamps);
+  // Of two parts that were put together in the wrong order the file's first message was recorded
+  // right after its last one.
+  const Nanos rest = clock->places.front().time - clock->places.back().time;
+  const bool is_swapped = falls.size() == 1 && rest >= Nanos::zero() && rest <= kLeastRestart;
   std::vector<std::size_t> restarts;
   for (const std::size_t i : falls) {
     const Fall here = fall(i);
-    if (falls.size() > kMostSet || !stamps_go_on(*this, here)) {
-      if (here.last.time - here.next.time > kLeastRestart) restarts.push_back(i);
+    const auto across = falls.size() > kMostSet ? Stamps::kBeginAnew : stamps_across(*this, here);
+    if (across != Stamps::kGoOn) {
+      const bool is_long = here.last.time - here.next.time > kLeastRestart;
+      if (across == Stamps::kBeginAnew && is_long && !is_swapped) restarts.push_back(i);
       continue;
     }
     const Nanos usual = here.last.time - clock->places[i - 2].time;

@@ -52,7 +52,10 @@ std::vector<fs::path> parts_of(const fs::path& folder) {
   std::vector<fs::path> parts;
   std::error_code failed;
   if (!fs::exists(metadata, failed)) return parts;
-  const auto root = parse_yaml(metadata.string(), read_text(metadata)).at(kMetadataKey);
+  const std::string text = read_text(metadata);
+  // What a computer leaves that lost its power is as none.
+  if (text.find_first_not_of('\0') == std::string::npos) return parts;
+  const auto root = parse_yaml(metadata.string(), text).at(kMetadataKey);
   if (!root.has("relative_file_paths")) return parts;
   for (const auto& item : root.at("relative_file_paths").items()) {
     const fs::path named = folder / fs::path(item.text()).filename();
@@ -172,9 +175,9 @@ std::vector<std::size_t> Recording::of_type(std::string_view type) const {
   std::vector<std::size_t> found;
   for (std::size_t i = 0; i < topics_.size(); ++i) {
     const Topic& topic = topics_[i];
-    // Of one name with two types the one that has more messages is meant.
+    // Of one name with two types the one that has more messages that can be read is meant.
     const bool is_other = std::ranges::any_of(topics_, [&](const Topic& other) {
-      return other.name == topic.name && other.messages > topic.messages;
+      return other.is_readable() && other.name == topic.name && other.messages > topic.messages;
     });
     if (topic.type == type && topic.messages > 0 && topic.is_readable() && !is_other) {
       found.push_back(i);
@@ -237,9 +240,10 @@ void Recording::finish() {
   std::ranges::stable_sort(topics_, {}, &Topic::name);
   for (std::size_t i = 1; i < topics_.size(); ++i) {
     if (topics_[i].name != topics_[i - 1].name) continue;
-    warnings_.push_back(fmt::format(
-        "'{}' has topic {} with two types, {} and {}: the one with more messages is used", file_,
-        printable(topics_[i].name), printable(topics_[i - 1].type), printable(topics_[i].type)));
+    warnings_.push_back(
+        fmt::format("'{}' has two topics of one name, {} and {}: of those that can be read the one "
+                    "with more messages is used",
+                    file_, topics_[i - 1].describe(), topics_[i].describe()));
   }
 }
 

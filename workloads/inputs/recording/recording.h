@@ -103,7 +103,8 @@ class Recording {
   /// Position of the one with the same name, type and encoding, added if there is none.
   std::size_t add(Topic topic);
   /// When all places are known: puts everything in order of time. Of a clock that begins anew the
-  /// longest run is kept; where that of the recorder alone was set back, all is. Either is said.
+  /// longest run is kept; where that of the recorder alone was set back, all is. Either is said. Of
+  /// recordings that were put together one behind the other all is kept.
   void finish();
 
   std::string file_;

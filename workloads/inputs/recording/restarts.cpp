@@ -9,17 +9,27 @@ std::vector<std::size_t> restarts_of(const std::vector<Nanos>& stamps, Nanos lea
   const auto rise = [&](std::size_t from) {
     return stamps[from] < stamps[from + 1] && stamps[from + 1] < stamps[from + 2];
   };
+  // All of the run before are later than where the next begins, and the other way round.
+  const auto are_runs = [&](std::size_t i) {
+    return i >= kRun && i + kRun <= stamps.size() && rise(i - kRun) && rise(i) &&
+           stamps[i - kRun] > stamps[i] && stamps[i + kRun - 1] < stamps[i - 1];
+  };
   std::vector<std::size_t> restarts;
-  for (std::size_t i = kRun; i + kRun <= stamps.size(); ++i) {
+  for (std::size_t i = 2; i + 1 < stamps.size(); ++i) {
     const Nanos fall = stamps[i - 1] - stamps[i];
-    if (fall <= least || !rise(i - kRun) || !rise(i)) continue;
-    // All of the run before are later than where the next begins, and the other way round.
-    if (stamps[i - kRun] <= stamps[i] || stamps[i + kRun - 1] >= stamps[i - 1]) continue;
+    Nanos step = std::min(stamps[i - 1] - stamps[i - 2], stamps[i + 1] - stamps[i]);
+    // Two that changed places are twice as far from their neighbours as those from theirs.
+    if (i > 2) step = std::min(step, stamps[i - 2] - stamps[i - 3]);
+    if (i + 2 < stamps.size()) step = std::min(step, stamps[i + 2] - stamps[i + 1]);
+    if (fall <= least || step <= Nanos::zero()) continue;
+    // A smaller fall may be less than three steps.
+    const bool is_small = fall <= kLeastRestart;
+    if (!is_small && !are_runs(i)) continue;
     // A few that are far off lie within one run, which jumps to them and goes on behind them.
     std::size_t late = i, early = i;
     while (late > 0 && i - late < kFewOff && stamps[late - 1] > stamps[i]) --late;
     while (early < stamps.size() && early - i < kFewOff && stamps[early] < stamps[i - 1]) ++early;
-    const Nanos jump = fall > kLeastRestart ? kLeastRestart : least;
+    const Nanos jump = is_small ? step + fall / 2 : kLeastRestart;
     const auto jumps = [&](std::size_t to) {
       return to > 0 && to < stamps.size() && stamps[to] - stamps[to - 1] > jump;
     };

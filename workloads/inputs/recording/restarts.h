@@ -13,8 +13,8 @@ namespace pirt {
 inline constexpr Nanos kLeastRestart = std::chrono::seconds(1);
 
 /// Positions of stamps that are more than @p least before the one in front of them, where a run of
-/// at least three ends and another begins. Some that are far off, between which and the others the
-/// stamps jump both ways, are none.
+/// at least three ends and another begins; of a fall that is no restart, of at least two. Some that
+/// are far off, between which and the others the stamps jump both ways, are none.
 [[nodiscard]] std::vector<std::size_t> restarts_of(const std::vector<Nanos>& stamps,
                                                    Nanos least = kLeastRestart);
 

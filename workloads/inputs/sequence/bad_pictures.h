@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/inputs/sequence/sequence.h"
 
 namespace pirt {
@@ -16,8 +17,7 @@ namespace pirt {
 /// Any thread may call it.
 class BadPictures {
  public:
-  /// More than this part of a sequence's pictures is not one bad picture any more.
-  static constexpr double kMostPart = 0.05;
+  static constexpr double kMostPart = kMostBadPart;
 
   explicit BadPictures(const Sequence& sequence);
 

@@ -56,8 +56,11 @@ GivenCamera kalibr_camera(const YamlNode& node) {
                has_lens ? numbers_of(node.at("distortion_coeffs"), 0, 8) : std::vector<double>());
   if (!problem.empty()) node.fail(problem);
   if (node.has("rostopic")) camera.topic = node.at("rostopic").text();
-  if (node.has("T_cam_imu"))
+  if (node.has("T_cam_imu")) {
     camera.body_from_camera = rigid_of_rows(node.at("T_cam_imu")).inverse();
+  } else if (node.has("T_imu_cam")) {
+    camera.body_from_camera = rigid_of_rows(node.at("T_imu_cam"));
+  }
   if (node.has("timeshift_cam_imu")) {
     camera.imu_later_s = node.at("timeshift_cam_imu").number(-1, 1);
   }
@@ -93,10 +96,14 @@ GivenCamera ros_camera(const YamlNode& node) {
       static_cast<int>(node.at("image_height").integer(kSmallestSide, kLargestSide));
   const auto k = numbers_of(node.at("camera_matrix").at("data"), 9, 9);
   set_pinhole(camera.model, node.at("camera_matrix"), {k[0], k[4], k[2], k[5]});
-  const std::string lens =
-      node.has("distortion_model") ? node.at("distortion_model").text() : "plumb_bob";
-  const std::string problem = set_lens(
-      camera.model, lens, numbers_of(node.at("distortion_coefficients").at("data"), 0, 14));
+  const auto lens = numbers_of(node.at("distortion_coefficients").at("data"), 0, 14);
+  // OpenCV's own file names no lens; it says whether it is the fisheye's.
+  const bool is_fisheye = node.has("fisheye_model") && node.at("fisheye_model").text() != "0";
+  const std::string name = node.has("distortion_model") ? node.at("distortion_model").text()
+                           : is_fisheye                 ? "fisheye"
+                           : lens.size() > 5            ? "rational_polynomial"
+                                                        : "plumb_bob";
+  const std::string problem = set_lens(camera.model, name, lens);
   if (!problem.empty()) node.at("distortion_coefficients").fail(problem);
   if (node.has("projection_matrix")) {
     const auto p = numbers_of(node.at("projection_matrix").at("data"), 12, 12);

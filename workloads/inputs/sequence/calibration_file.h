@@ -23,10 +23,11 @@ struct GivenCamera {
   double imu_later_s = 0;  ///< What the IMU's stamps of a moment are more than its own.
 };
 
-/// @param path  Kalibr's camchain (cam0, cam1, ..., also with T_cam_imu), EuRoC's sensor.yaml or
-///              the folder of cam0/sensor.yaml and cam1/sensor.yaml, of topics /cam0/image_raw and
-///              /cam1/image_raw, with the IMU as body where imu0/sensor.yaml is in the same folder,
-///              or what ROS's camera_calibration writes (camera_matrix).
+/// @param path  Kalibr's camchain (cam0, cam1, ..., also with T_cam_imu, or OpenVINS' T_imu_cam),
+///              EuRoC's sensor.yaml or the folder of cam0/sensor.yaml and cam1/sensor.yaml, of
+///              topics /cam0/image_raw and /cam1/image_raw, with the IMU as body where
+///              imu0/sensor.yaml is in the same folder, or what ROS's camera_calibration or
+///              OpenCV's own writes (camera_matrix).
 /// @throws Error{kBadInput} with file:line.
 [[nodiscard]] std::vector<GivenCamera> read_calibration(const std::filesystem::path& path);
 

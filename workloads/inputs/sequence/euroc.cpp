@@ -256,12 +256,22 @@ void read_imu(const fs::path& root, bool is_body, Sequence& sequence) {
   const fs::path file = root / "imu0" / "data.csv";
   const fs::path sensor = root / "imu0" / "sensor.yaml";
   sequence.imu = read_imu_csv(file, sequence.warnings);
+  spread_bursts(sequence.imu, "'" + file.string() + "'", sequence.warnings);
   // TUM-VI has its model elsewhere, and the IMU as body.
   const bool is_given = !fs::exists(sensor) && !fs::exists(root / "cam0" / "sensor.yaml");
   sequence.imu_model = is_given ? ImuModel{.rate_hz = usual_rate_hz(stamps_of(sequence.imu), 1)}
                                 : read_imu_yaml(sensor);
   check_step("'" + file.string() + "'", stamps_of(sequence.imu),
              is_given ? std::nullopt : std::optional(sequence.imu_model->rate_hz));
+  constexpr double kThinned = 1.5;
+  double& rate_hz = sequence.imu_model->rate_hz;
+  const double usual_hz = usual_rate_hz(stamps_of(sequence.imu), rate_hz);
+  if (kThinned * usual_hz < rate_hz) {
+    sequence.warnings.push_back(
+        fmt::format("'{}' says {:g} Hz; its samples come at {:.0f} Hz, which is taken",
+                    sensor.string(), rate_hz, usual_hz));
+    rate_hz = usual_hz;
+  }
   if (is_given) {
     sequence.warnings.push_back("no imu0/sensor.yaml: the IMU is taken to be as noisy as EuRoC's");
     return;

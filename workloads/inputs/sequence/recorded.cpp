@@ -143,6 +143,12 @@ class Reader {
         if_usable(imu.topic, [&] {
           auto in = open();
           const auto message = ::pirt::read_imu(in);
+          // What the other half measures need not be a number here.
+          const bool is_gyro = &imu == &imus_.front(), is_accel = &imu == &imus_.back();
+          if ((is_gyro && !message.gyro_rad_s.allFinite()) ||
+              (is_accel && !message.accel_m_s2.allFinite())) {
+            in.fail("has a number that is not finite");
+          }
           if (imu.frame.empty()) imu.frame = message.head.frame;
           sample = {message.head.time, message.gyro_rad_s, message.accel_m_s2};
         });
@@ -209,7 +215,10 @@ class Reader {
           fmt::format("{} is not used: {}, so that nobody knows where the IMU sits", name, why));
       return;
     }
-    for (ImuTopic& each : imus_) order(each.samples, each.topic);
+    for (ImuTopic& each : imus_) {
+      order(each.samples, each.topic);
+      spread_bursts(each.samples, topic(each.topic).name, sequence_.warnings);
+    }
     auto samples = std::move(imus_[0].samples);
     if (imus_.size() > 1) {
       const std::string& other = topic(imus_[1].topic).name;

@@ -73,11 +73,10 @@ void RecordedCalibrations::fail(const std::string& problem) const {
 
 std::optional<std::size_t> RecordedCalibrations::info_of(const std::string& name) const {
   std::optional<std::size_t> info;
-  const std::string beside = folder_of(name);
-  for (const std::string& folder : {folder_of(base_topic(name)), beside}) {
-    for (const std::size_t each : recording_.of_type(CameraInfoMessage::kType)) {
-      if (recording_.topics()[each].name == folder + "/camera_info") info = each;
-    }
+  for (const std::size_t each : recording_.of_type(CameraInfoMessage::kType)) {
+    const std::string& topic = recording_.topics()[each].name;
+    if (topic == folder_of(name) + "/camera_info") return each;
+    if (topic == folder_of(base_topic(name)) + "/camera_info") info = each;
   }
   return info;
 }

@@ -53,10 +53,21 @@ void leave_out_zeros(std::vector<Inertial>& found) {
 }  // namespace
 
 std::vector<std::size_t> imu_among(const Recording& recording,
-                                   const std::vector<std::size_t>& topics) {
+                                   const std::vector<std::size_t>& topics, bool are_chosen,
+                                   std::vector<std::string>& warnings) {
   std::vector<Inertial> found;
-  for (const std::size_t each : topics) found.push_back(look_at(recording, each));
-  if (found.empty()) return {};
+  std::string unusable;
+  for (const std::size_t each : topics) {
+    try {
+      found.push_back(look_at(recording, each));
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kBadInput || are_chosen) throw;
+      unusable = error.what();
+      warnings.push_back(recording.topics()[each].name + " is not used: " + unusable);
+    }
+  }
+  if (found.empty() && unusable.empty()) return {};
+  if (found.empty()) throw_bad_input(unusable + "; run without it: --topics imu=none");
   if (found.size() > 1) leave_out_zeros(found);
   std::vector<std::size_t> whole, gyros, accels;
   std::vector<std::string> names;
@@ -80,9 +91,9 @@ std::vector<std::size_t> imu_among(const Recording& recording,
   const std::string& first = recording.topics()[found.front().topic].name;
   throw_bad_input(fmt::format(
       "'{}' has no whole IMU: {} has no {} (covariance[0] is -1, or it is always 0); name the "
-      "topics of gyroscope and accelerometer, --topics imu={}+OTHER, or run without: imu=none",
+      "topics of gyroscope and accelerometer, --topics imu={}+OTHER, or run without: imu=none{}",
       recording.file(), first, found.front().has_gyro ? "linear acceleration" : "angular velocity",
-      first));
+      first, unusable.empty() ? "" : "; " + unusable));
 }
 
 void join_samples(std::vector<ImuSample>& samples, const std::vector<ImuSample>& accels,

@@ -112,8 +112,24 @@ class TopicChoice {
 
   /// Why one of several topics with pictures is not to be taken; empty = it may be.
   [[nodiscard]] std::string no_camera(std::size_t id, const std::vector<std::size_t>& all) const {
+    // Of one camera's topics the plainest is taken that has its pictures.
+    std::vector<std::size_t> plainer;
+    std::size_t fullest = id;
     for (const std::size_t other : all) {
-      if (is_same_camera(topic(other).name, topic(id).name)) return "shows " + topic(other).name;
+      const bool is_plainer = is_same_camera(topic(other).name, topic(id).name);
+      if (!is_plainer && !is_same_camera(topic(id).name, topic(other).name)) continue;
+      if (is_plainer) plainer.push_back(other);
+      if (topic(other).messages > topic(fullest).messages) fullest = other;
+    }
+    const auto lacks = [&](std::size_t each) {
+      return 2 * topic(each).messages < topic(fullest).messages;
+    };
+    if (lacks(id)) {
+      return fmt::format("has {} pictures where {} has {}", topic(id).messages, topic(fullest).name,
+                         topic(fullest).messages);
+    }
+    for (const std::size_t other : plainer) {
+      if (!lacks(other)) return "shows " + topic(other).name;
     }
     if (calibrations_.are_given()) return "";
     const bool any_info = std::ranges::any_of(all, [this](std::size_t each) {
@@ -125,12 +141,14 @@ class TopicChoice {
   /// One topic, or the gyroscope's and the accelerometer's; none if there is no IMU.
   [[nodiscard]] std::vector<std::size_t> find_imu() const {
     if (!options_.imu || chosen_.imu == kNone) return {};
-    if (!chosen_.imu) return imu_among(recording_, recording_.of_type(ImuMessage::kType));
+    if (!chosen_.imu) {
+      return imu_among(recording_, recording_.of_type(ImuMessage::kType), false, warnings_);
+    }
     std::vector<std::size_t> named;
     for (const auto& name : split(*chosen_.imu, '+')) {
       named.push_back(checked(name, {ImuMessage::kType}));
     }
-    return imu_among(recording_, named);
+    return imu_among(recording_, named, true, warnings_);
   }
 
   /// The one of the left camera's robot, whose name theirs begin with.

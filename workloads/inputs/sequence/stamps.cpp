@@ -27,6 +27,26 @@ double usual_rate_hz(const std::vector<Nanos>& stamps, double otherwise) {
   return step > Nanos::zero() ? 1 / to_s(step) : otherwise;
 }
 
+void spread_bursts(std::vector<ImuSample>& imu, const std::string& what,
+                   std::vector<std::string>& warnings) {
+  const Nanos usual = usual_step(stamps_of(imu)), close = usual / 5;
+  const auto follows = [&](std::size_t i) { return imu[i].time - imu[i - 1].time < close; };
+  std::size_t count = 0;
+  for (std::size_t i = 1; i < imu.size(); ++i) count += follows(i) ? 1U : 0U;
+  if (count < 2 || 4 * count <= imu.size()) return;  // of pairs half do
+  for (std::size_t begin = 1, end = 1; begin < imu.size(); begin = end) {
+    ++end;
+    while (end < imu.size() && follows(end)) ++end;
+    const Nanos last = imu[end - 1].time;
+    const auto size = static_cast<std::int64_t>(end - begin);
+    const Nanos step = std::min(usual, (last - imu[begin - 1].time) / size);
+    for (std::size_t i = begin; i < end; ++i) {
+      imu[i].time = last - step * static_cast<std::int64_t>(end - 1 - i);
+    }
+  }
+  warnings.push_back(what + ": samples come in bursts, and are taken to be measured evenly");
+}
+
 std::vector<Nanos> playing_times(const std::vector<Nanos>& stamps) {
   const Nanos usual = usual_step(stamps);
   std::vector<Nanos> times(stamps.size());

@@ -22,6 +22,11 @@ inline constexpr Nanos kLongestPrediction = std::chrono::seconds(30);
 [[nodiscard]] Nanos usual_step(const std::vector<Nanos>& stamps);
 /// That of the usual step, which a pause does not change. @param otherwise  For less than two.
 [[nodiscard]] double usual_rate_hz(const std::vector<Nanos>& stamps, double otherwise);
+/// Where samples were stamped when they arrived, several at once: the last of each burst was new
+/// then, and those before it are a usual step apart. Others stay as they are.
+/// @param imu  Stamps rise.
+void spread_bursts(std::vector<ImuSample>& imu, const std::string& what,
+                   std::vector<std::string>& warnings);
 /// When each comes after the first, where they are played at their own rate. A step that is longer
 /// than kLongestPrediction, a pause or a clock that was set, takes as long as the usual one.
 /// @param stamps  Rise.

@@ -289,10 +289,6 @@ Sequence part_of(const Sequence& sequence, std::size_t first, std::size_t count)
   return part;
 }
 
-}  // namespace
-
-namespace {
-
 /// Of vectors in pairs.
 class Correlation {
  public:
