@@ -74,10 +74,16 @@ void add_warnings(const Scenario& scenario, const Mode& mode, std::vector<std::s
           std::to_string(unit.servers) + " servers of " + unit.name + " it uses one");
     }
   }
-  if (scenario.mix.reads_earlier() || !scenario.mix.states.empty()) {
-    warnings.push_back(std::string(mode.policy.planner != nullptr ? "the plan and the bounds leave"
-                                                                  : "the bounds leave") +
-                       " out that tasks wait for data of earlier firings (@-1) and for states");
+  const Mix& mix = scenario.mix;
+  const bool states = !mix.states.empty();
+  if (states || mix.reads_earlier()) {
+    warnings.emplace_back(
+        "the bounds leave out that tasks wait for data of earlier firings (@-1) and for states");
+  }
+  // Within a firing, and where all is one plan, it has them in their order.
+  if (mode.policy.planner != nullptr && ((states && !mix.fires_once()) || mix.reads_earlier())) {
+    warnings.emplace_back(
+        "the plan leaves out that tasks wait for data and for states of other firings");
   }
   if (mode.policy.cloud_use != CloudUse::kNotRealTime) return;
   const UnitMask cloud = cloud_units(platform);
@@ -161,7 +167,7 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
   std::optional<PlannedBudget> own;  // Where the caller keeps none.
   std::vector<TriedPlan> tried;
   if (mode.policy.budgets && mix.fires_once()) {
-    plan_once(setup);
+    tried = plan_once(setup, options);
   } else if (mode.policy.budgets) {
     std::optional<PlannedBudget>& known = planned == nullptr ? own : *planned;
     if (!known) known = plan_budget(setup, options);

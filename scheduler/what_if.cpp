@@ -72,7 +72,7 @@ Mix changed(const Mix& mix, const WhatIfChange& change, double value) {
   for (Pipeline& pipeline : other.pipelines) {
     if (!pipeline.rate_hz || (!all && pipeline.name != change.pipeline)) continue;
     pipeline.rate_hz = all ? *pipeline.rate_hz * value : value;
-    pipeline.jitter = std::min(pipeline.jitter, from_s(1 / *pipeline.rate_hz));
+    pipeline.jitter = std::min(pipeline.jitter, pipeline.period());
   }
   return other;
 }

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <functional>
 #include <iterator>
 #include <set>
 
@@ -20,9 +19,8 @@ std::int64_t count_in(Nanos time, Nanos period) {
   return time < Nanos::zero() ? 0 : time / period + 1;
 }
 
-Nanos period_of(const BudgetPlan::Arrivals& arrivals) {
-  return Nanos(static_cast<std::int64_t>(1e9 / *arrivals.rate_hz));
-}
+/// Rounded down, so that no firing is forgotten.
+Nanos period_of(double rate_hz) { return Nanos(static_cast<std::int64_t>(1e9 / rate_hz)); }
 
 /// A task of a pipeline with a rate and a deadline, on the unit that serves it.
 struct Analysed {
@@ -55,6 +53,7 @@ class Analysis {
       const auto& classes = scenario.classes[p];
       for (std::size_t t = 0; t < classes.size(); ++t) {
         add(p, classes[t].entry);
+        if (!is_periodic(p)) continue;  // Of others nobody asks.
         auto& before = before_[classes[t].entry];
         for (const std::size_t each : scenario.mix.pipelines[p].waits_for(t)) {
           const std::uint32_t entry = classes[each].entry;
@@ -74,13 +73,18 @@ class Analysis {
 
   std::vector<Guarantee> run() {
     std::vector<Guarantee> results(scenario_.mix.pipelines.size());
+    std::vector<bool> done(results.size(), false);
     for (std::size_t p = 0; p < results.size(); ++p) {
       if (!is_periodic(p)) continue;
       results[p].not_analysed = obstacles_[p];
       results[p].analysed = obstacles_[p].empty();
-      if (!results[p].analysed) continue;
+      if (!results[p].analysed || done[p]) continue;
       tasks_ = together_with(p);
-      if (const auto responses = settled_responses()) results[p].response = (*responses)[p];
+      const auto responses = settled_responses();
+      for (const Analysed& each : tasks_) {
+        done[each.pipeline] = true;
+        if (responses) results[each.pipeline].response = (*responses)[each.pipeline];
+      }
     }
     return results;
   }
@@ -111,14 +115,15 @@ class Analysis {
   }
 
  private:
-  /// As much of the time that guaranteed tasks have is left to others as no guarantee is lost by:
-  /// any, or all that they have alone, half of that and so on. False where nothing is guaranteed.
+  /// As much time is left to others as no guarantee is lost by: any; or any of what guaranteed
+  /// tasks have, and of what the rest has until its next firing all, half and so on; or such a part
+  /// of what guaranteed tasks have alone. False where nothing is guaranteed.
   bool share_slack() {
     constexpr std::array kParts = {1.0, 0.5, 0.25, 0.125, 0.0};
     std::vector<Nanos> responses;  // If others held no unit.
-    const auto settles_with = [&](const auto& tolerates) {
+    const auto settles_with = [&](const auto& guaranteed, const auto& rest) {
       for (Analysed& each : tasks_) {
-        each.tolerates = keeps_[each.pipeline] ? tolerates(each) : Nanos::zero();
+        each.tolerates = keeps_[each.pipeline] ? guaranteed(each) : rest(each);
         each.ready = each.response = Nanos::zero();
       }
       const auto settled = settled_responses();
@@ -129,19 +134,32 @@ class Analysis {
       if (settled && responses.empty()) responses = *settled;
       return keeps;
     };
+    const auto no_limit = [](const Analysed&) { return kNoLimit; };
+    const auto none = [](const Analysed&) { return Nanos::zero(); };
     keeps_.assign(scenario_.mix.pipelines.size(), false);
-    settles_with([](const Analysed&) { return Nanos::zero(); });
+    settles_with(none, none);
     if (responses.empty()) return false;
     for (const Analysed& each : tasks_) {
       keeps_[each.pipeline] = responses[each.pipeline] <= each.deadline;
     }
-    if (std::ranges::none_of(keeps_, std::identity{})) return false;
-    if (settles_with([](const Analysed&) { return kNoLimit; })) return true;
-    return std::ranges::any_of(kParts, [&](double part) {
-      return settles_with([&](const Analysed& each) {
-        const auto tasks = static_cast<double>(scenario_.classes[each.pipeline].size());
-        return scaled(each.deadline - responses[each.pipeline], part / tasks);
+    const auto keeps = [this](const Analysed& each) -> bool { return keeps_[each.pipeline]; };
+    if (std::ranges::none_of(tasks_, keeps)) return false;
+    if (settles_with(no_limit, no_limit)) return true;
+    const auto part_of = [&](const Analysed& each, Nanos time, double part) {
+      const auto tasks = static_cast<double>(scenario_.classes[each.pipeline].size());
+      return scaled(time - responses[each.pipeline], part / tasks);
+    };
+    const auto settles_with_rest = [&](double part) {
+      return settles_with(no_limit, [&](const Analysed& each) {
+        return part_of(each, each.period - each.late, part);
       });
+    };
+    if (!std::ranges::all_of(tasks_, keeps) && std::ranges::any_of(kParts, settles_with_rest)) {
+      return true;
+    }
+    return std::ranges::any_of(kParts, [&](double part) {
+      return settles_with([&](const Analysed& each) { return part_of(each, each.deadline, part); },
+                          none);
     });
   }
 
@@ -284,7 +302,7 @@ class Analysis {
     all_.push_back({.entry = entry,
                     .pipeline = pipeline,
                     .unit = unit,
-                    .period = period_of(arrivals),
+                    .period = period_of(*arrivals.rate_hz),
                     .takes = task.takes(unit),
                     .slice = task.holds(unit),
                     .deadline = *arrivals.deadline,
@@ -331,18 +349,13 @@ class Analysis {
     return "";
   }
 
-  /// Whether a firing may find no image buffer: of each pipeline so many are under way as fire
-  /// while one is, if none is late, and a later firing may take an image of one more.
+  /// Whether a firing may find no image buffer, if none is late.
   [[nodiscard]] bool may_find_no_buffer() const {
     const Mix& mix = scenario_.mix;
     std::int64_t used = 0;
     for (std::size_t p = 0; mix.image_buffers && p < mix.pipelines.size(); ++p) {
-      if (!mix.pipelines[p].has_image_input()) continue;
-      if (!is_periodic(p)) return true;
-      const auto& arrivals = plan_.pipelines[p];
-      const Nanos lasts = *arrivals.deadline + arrivals.jitter;
-      used += count_in(lasts - Nanos(1), period_of(arrivals));
-      used += mix.pipelines[p].keeps_image() ? 1 : 0;
+      if (mix.pipelines[p].has_image_input() && !is_periodic(p)) return true;
+      used += image_buffers_of(mix.pipelines[p]);
     }
     return used > mix.image_buffers.value_or(used);
   }
@@ -381,8 +394,8 @@ class Analysis {
            }) > 1;
   }
 
-  /// Responses make what comes after them ready later, which makes responses longer: until nothing
-  /// changes. False if that has no end.
+  /// Responses make what comes after them ready later, which makes responses longer: until that
+  /// changes nothing. False if it has no end.
   bool settle() {
     constexpr int kMostRounds = 200;
     for (int round = 0; round < kMostRounds; ++round) {
@@ -390,12 +403,11 @@ class Analysis {
       for (Analysed& task : tasks_) {
         for (const Analysed& other : tasks_) {
           if (!before_[task.entry].contains(other.entry)) continue;
+          changed = changed || other.response > task.ready;
           task.ready = std::max(task.ready, other.response);
         }
-        const Nanos response = response_of(task);
-        changed = changed || response != task.response;
-        task.response = response;
-        if (response == kNoLimit) return false;
+        task.response = response_of(task);
+        if (task.response == kNoLimit) return false;
       }
       if (!changed) return true;
     }
@@ -417,23 +429,29 @@ class Analysis {
     return later + other.late + other.ready;
   }
 
-  /// Firings of the other, in a busy period, whose tasks may go before @p task, ready @p into it,
-  /// or are there before @p until.
-  [[nodiscard]] std::int64_t ahead(const Analysed& task, const Analysed& other, Nanos into,
-                                   Nanos until) const {
-    return std::min(count_in(into + reach_of(task, other), other.period),
-                    count_in(until + other.late + other.ready, other.period));
-  }
-
-  /// How long the unit may be left idle for one firing of the other while this task waits.
-  [[nodiscard]] Nanos idle_for(const Analysed& task, const Analysed& other, Nanos blocking) const {
-    Nanos others{0};
+  /// One that may want a task's unit at the same time.
+  struct Rival {
+    const Analysed* other;
+    Nanos reach{0};  ///< As reach_of has it.
+    Nanos delay{0};  ///< Of the task, by one firing of the other that goes before it.
+  };
+  [[nodiscard]] std::vector<Rival> rivals_of(const Analysed& task, Nanos blocking) const {
+    std::vector<Rival> rivals;
+    Nanos all{0};
     for (const Analysed& each : tasks_) {
-      if (compete(each, task) && each.entry != other.entry) others += each.takes;
+      if (!compete(each, task)) continue;
+      rivals.push_back({.other = &each, .reach = reach_of(task, each)});
+      all += each.takes;
     }
-    if (task.slice + others <= other.slack) return Nanos::zero();
-    // Where a slice is too long for the other, the call as a whole has to fit before it.
-    return other.late + task.takes + others - other.slack + blocking;
+    for (auto& [other, reach, delay] : rivals) {
+      delay = other->takes;
+      const Nanos others = all - other->takes;
+      if (task.slice + others <= other->slack) continue;
+      // Where a slice is too long for the other, the call as a whole has to fit before it: so long
+      // the unit may be left idle for one firing.
+      delay += other->late + task.takes + others - other->slack + blocking;
+    }
+    return rivals;
   }
 
   /// The longest of what may have begun before the task came, which nothing interrupts.
@@ -446,20 +464,19 @@ class Analysis {
   }
 
   /// From the begin of a busy period, in which the task becomes ready @p into, to its start.
-  [[nodiscard]] Nanos start_of(const Analysed& task, Nanos into) const {
-    const Nanos blocking = blocking_of(task);
-    const Nanos limit = 4 * (task.period + task.slack + blocking + into);
+  [[nodiscard]] static Nanos start_of(const Analysed& task, Nanos into, Nanos blocking,
+                                      const std::vector<Rival>& rivals) {
+    const Nanos limit = std::min(kLongest, 4 * (task.period + task.slack + blocking + into));
     // Its own firings before it.
     const std::int64_t own = (into + task.late + task.ready) / task.period;
     Nanos start{0};
     while (true) {
       Nanos next = blocking + own * task.takes;
-      for (const Analysed& other : tasks_) {
-        if (!compete(other, task)) continue;
-        // What can be suspended may be until its end.
-        const Nanos until = task.slice < task.takes ? start + task.takes : start;
-        const std::int64_t firings = ahead(task, other, into, until);
-        next += firings * (other.takes + idle_for(task, other, blocking));
+      // What can be suspended may be until its end.
+      const Nanos until = task.slice < task.takes ? start + task.takes : start;
+      for (const auto& [other, reach, delay] : rivals) {
+        next += delay * std::min(count_in(into + reach, other->period),
+                                 count_in(until + other->late + other->ready, other->period));
       }
       if (next <= start) return start;
       if (next > limit) return kNoLimit;
@@ -484,9 +501,11 @@ class Analysis {
       }
     }
     if (places.size() >= kMostPlaces) return kNoLimit;
+    const Nanos blocking = blocking_of(task);
+    const auto rivals = rivals_of(task, blocking);
     Nanos longest{0};
     for (const Nanos into : places) {
-      const Nanos start = start_of(task, into);
+      const Nanos start = start_of(task, into, blocking, rivals);
       if (start == kNoLimit) return kNoLimit;
       longest = std::max(longest, start + task.takes - into);
     }
@@ -495,7 +514,6 @@ class Analysis {
 
   /// The longest time in which the unit always has something of these to do.
   [[nodiscard]] Nanos busy_period(UnitId unit) const {
-    constexpr Nanos kLongest = std::chrono::seconds(100);
     Nanos blocking{0};
     for (const Analysed& task : tasks_) {
       if (task.unit == unit) blocking = std::max(blocking, blocking_of(task));
@@ -514,10 +532,11 @@ class Analysis {
   }
 
   static constexpr std::size_t kMostPlaces = 2000;
+  static constexpr Nanos kLongest = std::chrono::seconds(100);  ///< More counts as no limit.
   const Scenario& scenario_;
   const BudgetPlan& plan_;
   const BudgetPlan& given_;
-  std::vector<std::set<std::uint32_t>> before_;  ///< By entry: those that it comes after.
+  std::vector<std::set<std::uint32_t>> before_;  ///< By entry with a rate: what it comes after.
   std::vector<UnitMask> units_;         ///< By pipeline: those of its tasks, if it has a deadline.
   std::vector<std::string> obstacles_;  ///< By pipeline: why nothing is said of it; empty = it is.
   std::vector<Analysed> all_;           ///< Of pipelines without one.
@@ -539,6 +558,15 @@ bool protect(const Scenario& scenario, BudgetPlan& plan, bool one_at_a_time) {
     }
   }
   return Analysis(scenario, alone, plan).protect(plan);
+}
+
+std::int64_t image_buffers_of(const Pipeline& pipeline) {
+  if (!pipeline.has_image_input()) return 0;
+  const std::int64_t kept = pipeline.keeps_image() ? 1 : 0;
+  if (!pipeline.rate_hz) return kept + 1;
+  const Nanos period = period_of(*pipeline.rate_hz);
+  const Nanos lasts = pipeline.deadline.value_or(period) + pipeline.jitter;
+  return kept + count_in(lasts - Nanos(1), period);
 }
 
 std::vector<Guarantee> guarantees_of(const Scenario& scenario, const BudgetPlan& plan) {

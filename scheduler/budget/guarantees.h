@@ -13,6 +13,7 @@
 // is foreseen is this project's.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -36,6 +37,10 @@ struct Guarantee {
 /// @param one_at_a_time  Else units that serve several calls at a time are left as they are.
 /// @return  Whether one of these units served several calls at a time.
 bool protect(const Scenario& scenario, BudgetPlan& plan, bool one_at_a_time = true);
+
+/// Image buffers that the pipeline has at a time: of as many firings as come while one is under
+/// way, if none is late, or of one frame of a closed loop, and what a later firing may take.
+[[nodiscard]] std::int64_t image_buffers_of(const Pipeline& pipeline);
 
 /// By pipeline; of those with a rate and a deadline. The others have no reason why not.
 [[nodiscard]] std::vector<Guarantee> guarantees_of(const Scenario& scenario,

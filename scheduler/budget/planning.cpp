@@ -99,7 +99,7 @@ class Trial {
     if (mix_.open_loop() && std::ranges::max(run.in_flight) > 0) beside = most_per_ms(setup);
     for (Pipeline& pipeline : mix_.pipelines) {
       if (pipeline.rate_hz && pipeline.offset < run.duration) {
-        pipeline.offset %= from_s(1 / *pipeline.rate_hz);  // Of the same phase, from the begin on.
+        pipeline.offset %= pipeline.period();  // Of the same phase, from the begin on.
       }
       if (!pipeline.frames) continue;
       const auto tasks = static_cast<double>(pipeline.tasks.size());
@@ -155,8 +155,7 @@ class Trial {
       const bool has_time = mix_.pipelines[p].offset + first.way() < scenario_->duration;
       const bool waits = has_time && pipeline.completed == 0 && pipeline.queued.value_or(0) > 0;
       result.never_ran += waits || pipeline.never_ran.value_or(false) ? 1 : 0;
-      if (!pipeline.deadline_ms) continue;
-      result.misses += *pipeline.deadline_misses + shortfall_of(pipeline).dropped;
+      result.misses += shortfall_of(pipeline).dropped + pipeline.deadline_misses.value_or(0);
     }
     return result;
   }
@@ -287,8 +286,16 @@ class Planning {
     return setup_.scenario.mix.pipelines[pipeline].frames && !setup_.in_flight_given;
   }
 
-  /// As many as have room on the units.
+  /// As many as have room on the units, and find an image buffer.
   void choose_in_flight() {
+    const Mix& mix = setup_.scenario.mix;
+    // For more than one frame of each loop.
+    std::int64_t buffers = mix.image_buffers.value_or(std::int64_t{1} << 60U);
+    std::int64_t loops = 0;  // That share them.
+    for (const Pipeline& each : mix.pipelines) {
+      buffers -= image_buffers_of(each);
+      loops += each.frames && each.has_image_input() ? 1 : 0;
+    }
     for (std::size_t p = 0; p < choice_.in_flight.size(); ++p) {
       if (!own_in_flight(p)) continue;
       std::int64_t room = 0;
@@ -298,7 +305,10 @@ class Planning {
         for (const UnitId unit : task.units) own += task.capacity[unit];
         room = std::max(room, own);
       }
+      const bool has_images = mix.pipelines[p].has_image_input();
+      if (has_images) room = std::min(room, 1 + buffers / loops--);
       choice_.in_flight[p] = static_cast<int>(std::clamp<std::int64_t>(room, 1, 1000));
+      if (has_images) buffers -= choice_.in_flight[p] - 1;
     }
   }
 
@@ -562,9 +572,28 @@ void follow(const PlannedBudget& planned, ModeSetup& setup) {
   setup.policy = setup.mode.policy.make(setup.policy_setup);
 }
 
-void plan_once(ModeSetup& setup) {
-  setup.policy_setup.plan = plan_mix(setup.scenario, shortened_plan);
-  setup.policy = setup.mode.policy.make(setup.policy_setup);
+std::vector<TriedPlan> plan_once(ModeSetup& setup, const ScheduleOptions& options) {
+  const auto late_of = [&setup](const BudgetChoice& choice) {
+    const TrialResult result = Trial(setup, kJudged, choice.follows == nullptr).run(choice);
+    return std::pair(result.late, result.misses);
+  };
+  PolicySetup& policy = setup.policy_setup;
+  policy.plan = plan_mix(setup.scenario, shortened_plan);
+  const auto is_urgent = [](const auto& pipeline) { return pipeline.deadline.has_value(); };
+  if (std::ranges::any_of(policy.budget.pipelines, is_urgent)) {
+    const auto late = late_of({policy.budget, setup.scenario.in_flight});
+    MixPlan plan = std::exchange(policy.plan, {});
+    if (late.second > 0) {
+      const PlannedBudget planned = plan_budget(setup, options);
+      if (late_of(planned.choice) < late) {
+        follow(planned, setup);
+        return planned.tried;
+      }
+    }
+    policy.plan = std::move(plan);
+  }
+  setup.policy = setup.mode.policy.make(policy);
+  return {};
 }
 
 }  // namespace pirt

@@ -30,12 +30,13 @@ struct PlannedBudget {
 /// real-time pipelines, then the fewest queued ones, and of those the best by the objective. So
 /// much is tried as takes some tens of milliseconds, more where the first deadlines are late; the
 /// same inputs give the same.
-/// @param setup  Of mode budget and a mix that does not fire once.
+/// @param setup  Of mode budget, without a static plan.
 [[nodiscard]] PlannedBudget plan_budget(const ModeSetup& setup, const ScheduleOptions& options);
 /// @p setup follows it, with its policy made anew.
 void follow(const PlannedBudget& planned, ModeSetup& setup);
-/// The same for a mix that fires once, which gets a static plan.
-void plan_once(ModeSetup& setup);
+/// The same for a mix that fires once: it follows a static plan, unless that misses deadlines and
+/// plan_budget's choice fewer. @return  What that was compared with; empty for the static plan.
+[[nodiscard]] std::vector<TriedPlan> plan_once(ModeSetup& setup, const ScheduleOptions& options);
 
 /// Adds a plan for each unit that may go away (PolicySetup::budget_without), and makes the policy
 /// of @p setup anew: for live runs, where units do. Frames in flight stay what they are. Nothing

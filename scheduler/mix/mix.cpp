@@ -65,9 +65,10 @@ bool fits(const TensorSpec& made, const TensorSpec& taken) {
 
 void read_workload(const YamlNode& node, MixTask& task) {
   task.workload = node.text();
-  if (!is_foreign(task.workload) && !try_find_spec(task.workload)) {
-    node.fail("there is no workload '" + task.workload + "'" +
-              suggestion(task.workload, workload_names()));
+  try {
+    static_cast<void>(find_spec(task.workload));
+  } catch (const Error& error) {
+    node.fail(error.what());
   }
 }
 
@@ -141,6 +142,7 @@ class TaskNames {
     }
     return found->second;
   }
+  [[nodiscard]] bool has(const std::string& name) const { return positions_.contains(name); }
   [[nodiscard]] const std::vector<std::string>& all() const { return names_; }
 
  private:
@@ -176,10 +178,16 @@ PortInput read_port(const YamlNode& node, const std::string& input, const MixTas
   std::string maker_name = node.text();
   port.earlier = maker_name.ends_with(kEarlier);
   if (port.earlier) maker_name.resize(maker_name.size() - kEarlier.size());
-  const auto dot = maker_name.rfind('.');
+  auto dot = maker_name.rfind('.');
   if (dot == std::string::npos || dot == 0 || dot + 1 == maker_name.size() ||
       maker_name.find('@', dot) != std::string::npos) {
     node.fail("'" + node.text() + "' is not of the form TASK.OUTPUT or TASK.OUTPUT@-1");
+  }
+  // Tensors have dots, too, as tasks may.
+  for (auto at = dot; at != std::string::npos && at > 0; at = maker_name.rfind('.', at - 1)) {
+    if (!names.has(maker_name.substr(0, at))) continue;
+    dot = at;
+    break;
   }
   const std::string output = maker_name.substr(dot + 1);
   maker_name.resize(dot);
@@ -434,6 +442,18 @@ Mix load_mix(const std::string& name) {
   Mix mix = parse_mix(file, text);
   mix.argument = name;
   return mix;
+}
+
+std::vector<std::string> named_workloads(const std::string& name) {
+  const auto [file, text] = read_named("mix", name, mix_files::files());
+  const YamlNode pipelines = parse_yaml(file, text).at("pipelines");
+  std::vector<std::string> named;
+  for (const auto& pipeline : pipelines.keys()) {
+    for (const auto& task : pipelines.at(pipeline).at("tasks").items()) {
+      if (task.has("workload")) named.push_back(task.at("workload").text());
+    }
+  }
+  return named;
 }
 
 std::vector<std::string> shipped_mixes() { return names_of(mix_files::files()); }

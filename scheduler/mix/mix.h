@@ -72,6 +72,7 @@ struct Pipeline {
   std::vector<MixTask> tasks;  ///< Predecessors first, otherwise in file order.
 
   [[nodiscard]] bool has_image_input() const;
+  [[nodiscard]] Nanos period() const { return from_s(1 / *rate_hz); }  ///< Only with a rate.
   /// Positions of the tasks of the same firing that have to end before it begins: `after`, and the
   /// last one before it that holds its state.
   [[nodiscard]] std::vector<std::size_t> waits_for(std::size_t task) const;
@@ -99,12 +100,22 @@ struct Mix {
   [[nodiscard]] bool reads_earlier() const;  ///< Some task takes data of an earlier firing.
 };
 
+/// From a pipeline's first nominal time to that of a firing, before it is rounded: by its number
+/// and not from the last one, so that rounding does not add up.
+[[nodiscard]] inline double nominal_ns(double rate_hz, std::int64_t number) {
+  return static_cast<double>(number) * 1e9 / rate_hz;
+}
+
 /// A shipped name, or a file if @p name contains '/' or ends in ".yaml".
 /// @throws Error{kBadInput} with file:line; unknown shipped names come with the nearest ones; a
 /// cycle is printed with its names.
 [[nodiscard]] Mix load_mix(const std::string& name);
 /// @param file  Name for messages.
 [[nodiscard]] Mix parse_mix(const std::string& file, const std::string& text);
+/// What the tasks of a mix, named as for load_mix, have for `workload`: before any of them is
+/// known.
+/// @throws Error{kBadInput} with file:line where it has no tasks to look through.
+[[nodiscard]] std::vector<std::string> named_workloads(const std::string& name);
 [[nodiscard]] std::vector<std::string> shipped_mixes();
 
 }  // namespace pirt

@@ -62,7 +62,7 @@ BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std:
                         .slice = std::vector<Nanos>(scenario.slices ? units : 0, Nanos::zero()),
                         .state = scenario.mix.pipelines[pipeline].tasks[position].state,
                         .at_once = std::vector<int>(units, 1)};
-  // A real-time task has no use for the cloud while a unit of the robot may serve it.
+  // A real-time task does not go to the cloud: where no other may serve it, it is refused later.
   const UnitMask here = kind.eligible & ~cloud_units(platform);
   const UnitMask usable = kind.real_time && here != 0 ? here : kind.eligible;
   std::vector<std::optional<double>> energy_j(units);

@@ -31,9 +31,9 @@ struct BudgetPlan {
     /// By unit: of such a call the longest time until it ends or can be suspended; empty = it
     /// cannot be anywhere.
     std::vector<Nanos> slice = {};
-    /// Of a task of a pipeline that has a guarantee, on the first of its units: from its firing, it
-    /// is ready after `ready` at most, and calls of what has no rate or no deadline may hold the
-    /// unit for `tolerates` beyond that. Absent: nobody counts on it.
+    /// Of a task that guarantees count on, on the first of its units: from its firing, it is ready
+    /// after `ready` at most, and calls of what has no rate or no deadline may hold the unit for
+    /// `tolerates` beyond that. Absent: nobody counts on it.
     Nanos ready{0};
     std::optional<Nanos> tolerates = {};
     std::optional<std::size_t> state = {};  ///< That one task holds at a time, in order.

@@ -39,6 +39,7 @@ class BudgetPolicy final : public Policy {
         without_(setup.budget_without),
         plan_(whole_),
         servers_(setup.servers),
+        cloud_(units_where(setup.roles, [](Role role) { return role == Role::kCloud; })),
         foresight_(plan_, servers_),
         calls_(plan_.tasks.size(), std::vector<std::int64_t>(setup.servers.size(), 0)),
         holds_(setup.servers.size()) {
@@ -79,6 +80,7 @@ class BudgetPolicy final : public Policy {
   UnitMask takers(const TaskClass& task, UnitMask up) const override {
     UnitMask mask = 0;
     for (const UnitId unit : plan_.tasks[task.entry].units) mask |= unit_bit(unit);
+    if (task.real_time) mask &= ~cloud_;
     return mask & task.eligible & up;
   }
 
@@ -108,10 +110,10 @@ class BudgetPolicy final : public Policy {
   }
 
   /// Nothing speaks against starting the task there now, except what is said of capacities.
-  bool may_start(const TaskClass& task, UnitId unit, const UnitsView& units) {
+  /// @param capacity  So many of the task's calls the unit may have.
+  bool may_start(const TaskClass& task, UnitId unit, int capacity, const UnitsView& units) {
     const BudgetPlan::Task& planned = plan_.tasks[task.entry];
-    const bool last_server = units.load[unit] + 1 >= servers_[unit];
-    if (last_server) {
+    if (units.load[unit] + 1 >= std::min(servers_[unit], capacity)) {  // The last one at a time.
       if (const auto again = foresight_.conflict(task.entry, unit, units.now)) {
         wait_until(*again, units.now);
         return false;
@@ -144,7 +146,7 @@ class BudgetPolicy final : public Policy {
       if (!contains(mask, unit)) continue;
       const int capacity = any_planned ? planned.capacity[unit] : servers_[unit];
       const bool has_room = units.load[unit] < capacity;
-      if (has_room && has_share(task, unit, units) && may_start(task, unit, units)) {
+      if (has_room && has_share(task, unit, units) && may_start(task, unit, capacity, units)) {
         if (is_warm(task, unit)) {
           return cold && planned.worst[unit] > planned.takes(*cold) ? cold : unit;
         }
@@ -159,6 +161,7 @@ class BudgetPolicy final : public Policy {
   std::vector<BudgetPlan> without_;  ///< without one of them, by unit,
   BudgetPlan plan_;                  ///< and what holds now.
   std::vector<int> servers_;
+  UnitMask cloud_;
   Foresight foresight_;
   std::optional<PowerWindow> window_;
   std::vector<std::vector<std::int64_t>> calls_;     ///< [entry][unit]: placed so far.

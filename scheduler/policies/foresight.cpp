@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 namespace pirt {
@@ -19,6 +20,7 @@ Foresight::Foresight(const BudgetPlan& plan, std::vector<int> servers)
       servers_(std::move(servers)),
       waiting_(plan.tasks.size()),
       is_urgent_(plan.tasks.size(), false),
+      eligible_(plan.tasks.size(), ~UnitMask{0}),
       streams_(plan.pipelines.size()) {
   for (std::uint32_t entry = 0; entry < plan.tasks.size(); ++entry) {
     is_urgent_[entry] = plan.pipelines[plan.tasks[entry].pipeline].deadline.has_value();
@@ -30,19 +32,26 @@ void Foresight::find_units(UnitMask up) {
   up_ = up;
   on_.assign(plan_.tasks.empty() ? 0 : plan_.tasks.front().capacity.size(), {});
   for (std::uint32_t entry = 0; entry < plan_.tasks.size(); ++entry) {
-    if (!is_urgent_[entry]) continue;
-    const auto& units = plan_.tasks[entry].units;
-    const auto first =
-        std::ranges::find_if(units, [up](UnitId unit) { return contains(up, unit); });
-    on_[first == units.end() ? units.front() : *first].push_back(entry);
+    if (is_urgent_[entry]) on_[unit_of(entry)].push_back(entry);
   }
+}
+
+/// The first of its units that is up and may serve its tasks.
+UnitId Foresight::unit_of(std::uint32_t entry) const {
+  const auto& units = plan_.tasks[entry].units;
+  const UnitMask mask = up_ & eligible_[entry];
+  const auto first =
+      std::ranges::find_if(units, [mask](UnitId unit) { return contains(mask, unit); });
+  return first == units.end() ? units.front() : *first;
 }
 
 void Foresight::submitted(const Task& task) {
   const std::uint32_t entry = task.kind.entry;
   if (!task.deadline) return;
   came_back(entry, *task.deadline);
-  if (!is_urgent_[entry]) {
+  const UnitId before = unit_of(entry);
+  eligible_[entry] = task.kind.eligible;
+  if (!is_urgent_[entry] || unit_of(entry) != before) {
     is_urgent_[entry] = true;
     find_units(up_);
   }
@@ -76,11 +85,9 @@ Nanos Foresight::latest_end(std::uint32_t entry) const {
   return waiting_[entry].front() - plan_.tasks[entry].behind;
 }
 
-/// As Firings::due has it.
 Nanos Foresight::nominal(std::size_t pipeline, std::int64_t number) const {
   const BudgetPlan::Arrivals& arrivals = plan_.pipelines[pipeline];
-  return arrivals.offset +
-         Nanos(std::llround(static_cast<double>(number) * 1e9 / *arrivals.rate_hz));
+  return arrivals.offset + Nanos(std::llround(nominal_ns(*arrivals.rate_hz, number)));
 }
 
 /// When the next firing should have come.
@@ -134,6 +141,26 @@ std::optional<Foresight::Demand> Foresight::demand(std::uint32_t entry, UnitId u
   return Demand{*at + *plan_.pipelines[task.pipeline].deadline - behind, *at, entry, place};
 }
 
+/// What is ready then and needs the unit for so long. @return  From its begin to its end.
+Foresight::Span Foresight::Timeline::serve(Nanos ready, Nanos needs) {
+  std::optional<Nanos> begun;
+  for (auto at = std::ranges::upper_bound(idle, ready, {}, &Span::second); at != idle.end(); ++at) {
+    const auto [from, to] = *at;
+    if (from == to) continue;
+    const Nanos begin = std::max(from, ready);
+    const Nanos end = std::min(to, begin + needs);
+    if (!begun) begun = begin;
+    needs -= end - begin;
+    at->first = end;
+    if (from < begin) at = std::next(idle.insert(at, {from, begin}));
+    if (needs == Nanos::zero()) return {*begun, end};
+  }
+  const Nanos begin = std::max(free, ready);
+  if (free < begin) idle.emplace_back(free, begin);
+  free = begin + needs;
+  return {begun.value_or(begin), free};
+}
+
 std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos now) {
   if (on_[unit].empty()) return std::nullopt;
   const BudgetPlan::Task& asking = plan_.tasks[entry];
@@ -163,8 +190,10 @@ std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos
   // What can be left goes on while nothing more urgent is there, and holds the unit for a slice.
   const bool sliced = asking.can_be_suspended(unit);
   const Nanos slice = asking.slice_on(unit) / at_once;
-  Nanos free = now;  // Without the task, and behind it, or what it holds the unit for.
-  Nanos free_behind = now + (sliced ? slice + asking.prepare[unit] : takes);
+  without_.free = now;
+  behind_.free = now + (sliced ? slice + asking.prepare[unit] : takes);
+  without_.idle.clear();
+  behind_.idle.clear();
   Nanos ends = now + takes;  // The task, which what is let in puts off.
   Nanos urgent{0};
   bool late = false;
@@ -173,25 +202,23 @@ std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos
     const Demand each = demands_.back();
     demands_.pop_back();
     if (each.latest_end >= own_end) break;
-    if (each.ready >= std::max(ends, free_behind)) continue;  // Nor do later ones meet the task.
+    if (each.ready >= std::max(ends, behind_.free)) continue;  // Nor do later ones meet the task.
     if (const auto next = demand(each.entry, unit, each.place + 1, now)) {
       demands_.push_back(*next);
       std::ranges::push_heap(demands_, later);
     }
     const BudgetPlan::Task& other = plan_.tasks[each.entry];
     const Nanos needs = other.takes(unit) - elsewhere(other, unit);
-    free = std::max(free, each.ready) + needs;
+    const Nanos end = without_.serve(each.ready, needs).second;
     // One that comes while the task has the unit waits for the end of a slice; one of the same
     // program, which no call lets in, for that of the task.
     const bool let_in = sliced && other.context[unit] != asking.context[unit];
     const bool meets = let_in && each.ready > now && each.ready < ends;
-    const Nanos begin = std::max(let_in ? free_behind : std::max(free_behind, ends),
-                                 meets ? std::min(each.ready + slice, ends) : each.ready);
+    const Nanos left = meets ? std::min(each.ready + slice, ends) : each.ready;
+    const auto [begin, end_behind] = behind_.serve(let_in ? left : std::max(left, ends), needs);
     if (begin < ends) ends += needs;
-    free_behind = begin + needs;
     urgent += needs;
-    if (free == free_behind && free >= ends) break;  // It makes no difference any more.
-    if (free_behind > each.latest_end && free <= each.latest_end) {
+    if (end_behind > each.latest_end && end <= each.latest_end) {
       late = true;
       if (own_end == Nanos::max()) break;
     }

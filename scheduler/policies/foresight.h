@@ -6,13 +6,15 @@
 // row did not come, for one that has ended.
 //
 // Two things keep a task from a unit. Nothing that is more urgent shall become late for it: what
-// is foreseen is gone through by deadline, as far as the task's call makes a difference. And what
-// has no rate or no deadline shall hold the unit no longer than guarantees count on
+// is foreseen is gone through by deadline, as far as the task's call makes a difference, and gets
+// the time that what is more urgent leaves, as if all calls could be suspended. And what has no
+// rate or no deadline shall hold the unit no longer than guarantees count on
 // (BudgetPlan::Task::tolerates).
 #pragma once
 
 #include <deque>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "scheduler/planner/budget_plan.h"
@@ -50,11 +52,19 @@ class Foresight {
     std::uint32_t entry = 0;
     std::size_t place = 0;  ///< Among those that wait and then those that come.
   };
+  using Span = std::pair<Nanos, Nanos>;  ///< From when until when.
+  /// When a unit serves demands, the more urgent one first.
+  struct Timeline {
+    Nanos free{0};           ///< It has nothing to do from then on,
+    std::vector<Span> idle;  ///< and in these times before that, rising.
+    Span serve(Nanos ready, Nanos needs);
+  };
   struct Stream {
     std::int64_t next = 0;    ///< Number of the firing that comes next.
     std::int64_t missed = 0;  ///< Firings in a row that did not come.
   };
 
+  [[nodiscard]] UnitId unit_of(std::uint32_t entry) const;
   void skip_missing(std::size_t pipeline, Nanos now);
   [[nodiscard]] bool comes(std::size_t pipeline) const {
     return plan_.pipelines[pipeline].is_periodic() && streams_[pipeline].missed < kEnded;
@@ -78,9 +88,11 @@ class Foresight {
   UnitMask up_ = ~UnitMask{0};
   std::vector<std::deque<Nanos>> waiting_;      ///< By entry: deadlines of firings, rising.
   std::vector<bool> is_urgent_;                 ///< By entry: some task of it had a deadline.
+  std::vector<UnitMask> eligible_;              ///< By entry: of the last such task; before, all.
   std::vector<std::vector<std::uint32_t>> on_;  ///< By unit: those of these that it serves.
   std::vector<Stream> streams_;                 ///< By pipeline.
-  std::vector<Demand> demands_;                 ///< Of conflict; kept for its memory.
+  std::vector<Demand> demands_;                 ///< Of conflict, kept for their memory: it,
+  Timeline without_, behind_;                   ///< and the unit without the task and behind it.
 };
 
 }  // namespace pirt

@@ -68,8 +68,7 @@ std::optional<Nanos> Firings::due(std::uint32_t p) const {
   const Pipeline& pipeline = *pipelines_[p].pipeline;
   if (!pipeline.rate_hz) return std::nullopt;
   const std::int64_t number = tallies_[p].fired;
-  // From the number of the firing, not from the last one, so that rounding does not add up.
-  const double at_ns = static_cast<double>(number) * 1e9 / *pipeline.rate_hz;
+  const double at_ns = nominal_ns(*pipeline.rate_hz, number);
   // Compared before it is rounded, so that it fits.
   if (at_ns >= static_cast<double>(end_.count())) return std::nullopt;
   Nanos at = Nanos(std::llround(at_ns)) + pipeline.offset;
@@ -254,10 +253,8 @@ void Firings::count_unfinished(std::vector<PipelineTally>& tallies, Nanos end) c
     const Pipeline& pipeline = *pipelines_[firing.pipeline].pipeline;
     const Nanos age = end - firing.fired_at;
     if (pipeline.deadline && age > *pipeline.deadline) ++tally.deadline_misses;
-    const bool has_period = pipeline.rate_hz.has_value();
-    const Nanos allowed = has_period ? std::max(from_s(1 / *pipeline.rate_hz),
-                                                pipeline.deadline.value_or(Nanos::zero()))
-                                     : Nanos::max();
+    const Nanos deadline = pipeline.deadline.value_or(Nanos::zero());
+    const Nanos allowed = pipeline.rate_hz ? std::max(pipeline.period(), deadline) : Nanos::max();
     if (age > allowed) ++tally.queued;
   }
 }

@@ -58,6 +58,22 @@ pipelines:
   EXPECT_EQ(record.completed, 2);
 }
 
+// What one plan of all has, it has in the order in which tasks get a state.
+TEST(Schedule, SaysWhatAPlanLeavesOutWhereItDoes) {
+  const auto warnings = [](int frames) {
+    const auto platform = platform_of(
+        "platform: one\nunits: {cpu: {slots: 1, active_w: 1}}\n"
+        "workloads: {update_pose: {cpu: 5}}\n");
+    const auto mix =
+        mix_of("mix: m\npipelines: {p: {closed_loop: {frames: " + std::to_string(frames) +
+               "}, tasks: [{workload: update_pose, state: s}]}}\n");
+    return run(platform, mix, mode("heft")).warnings;
+  };
+  EXPECT_THAT(warnings(1), Contains(HasSubstr("the bounds leave out")));
+  EXPECT_THAT(warnings(1), testing::Not(Contains(HasSubstr("the plan"))));
+  EXPECT_THAT(warnings(2), Contains(HasSubstr("the plan leaves out")));
+}
+
 TEST(Schedule, WarnsWhenAdvancedHasNoCloudAndWhenThereIsNoDsp) {
   const auto record = run(
       platform_of(kOneModelled),
@@ -169,7 +185,9 @@ TEST(Schedule, RefusesEligibleThatNamesNothingOrLeavesNothing) {
   // alexnet on the DSP is too slow for Algorithm 2's weights, and a real-time task never goes to
   // the cloud.
   EXPECT_THAT(refused("dsp"), HasSubstr("gives no weight"));
-  EXPECT_THAT(refused("cloud", "advanced"), HasSubstr("would never place it"));
+  for (const char* each : {"advanced", "budget"}) {
+    EXPECT_THAT(refused("cloud", each), HasSubstr("would never place it"));
+  }
 }
 
 TEST(Schedule, RefusesBadOptions) {

@@ -223,6 +223,24 @@ TEST(Foresight, WhatHasEndedByWhenAGuaranteedTaskNeedsTheUnitMayBegin) {
   EXPECT_TRUE(foresight.conflict(1, 0, milliseconds(6) + Nanos(1)));
 }
 
+// As a real-time task beside a cloud that the plan has first.
+TEST(Foresight, LooksForATaskWhereItMayGo) {
+  BudgetPlan plan;
+  plan.tasks = {task_on({1, 0}, 2, 0, 2), task_on({1, 0}, 2, 1, 50)};
+  plan.pipelines = {{.deadline = milliseconds(10)}, {}};
+  Foresight foresight(plan);
+  Task task = firing(Nanos(0));
+  task.kind.eligible = unit_bit(0) | unit_bit(1);
+  foresight.submitted(task);
+  EXPECT_TRUE(foresight.conflict(1, 1, Nanos(0)));
+  EXPECT_FALSE(foresight.conflict(1, 0, Nanos(0)));
+  foresight.departed(0, milliseconds(10));
+  task.kind.eligible = unit_bit(0);
+  foresight.submitted(task);
+  EXPECT_FALSE(foresight.conflict(1, 1, Nanos(0)));
+  EXPECT_TRUE(foresight.conflict(1, 0, Nanos(0)));
+}
+
 // From the end of a firing to the latest start of the next one there are 46.5 to 56.5 ms.
 TEST(Budget, AClosedLoopRunsInTheGapsThatGuaranteesLeave) {
   const auto platform = platform_of(

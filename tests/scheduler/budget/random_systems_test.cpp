@@ -407,5 +407,109 @@ TEST(Budget, PlansForWhatBeginsLate) {
   EXPECT_EQ(real_time_losses(record), 0);
 }
 
+const std::string kOne = "platform: one\nunits: {cpu: {slots: 1, active_w: 1}}\n";
+const std::string kSliced = kOne + "workloads: {bundle_adjust: {cpu: 99}}\n";
+const std::string kSlicedJob =
+    "  job: {rate_hz: 1, real_time: false, tasks: [{workload: bundle_adjust}]}\n";
+
+// By the analysis imu may wait for `cam` for 8 ms, and has 5. A slice of `job` takes 3 of them.
+TEST(Budget, WhatCannotBeGuaranteedKeepsNoSliceFromItsUnit) {
+  const RunRecord record =
+      run_for(10, kSliced,
+              "  imu: {rate_hz: 100, deadline_ms: 5, tasks: [{name: i, service_ms: {cpu: 1}}]}\n"
+              "  cam: {rate_hz: 20, deadline_ms: 44, tasks: [{name: c, service_ms: {cpu: 8}}]}\n" +
+                  kSlicedJob);
+  EXPECT_EQ(record.pipelines[0].guaranteed, false);
+  EXPECT_EQ(record.pipelines[1].guaranteed, true);
+  EXPECT_GE(record.pipelines[2].completed, 9);
+  EXPECT_EQ(real_time_losses(record), 0);
+}
+
+// Beside `job`, b of 50 ms is served from 54 on, between c of 50 and of 60. Behind c of 90, it
+// would end at 98 of 97 ms.
+TEST(Foresight, WhatComesServesThePausesOfWhatIsMoreUrgent) {
+  const RunRecord record =
+      run_for(10, kSliced,
+              "  c: {rate_hz: 100, deadline_ms: 6, tasks: [{name: t, service_ms: {cpu: 1}}]}\n"
+              "  b: {rate_hz: 20, deadline_ms: 47, tasks: [{name: t, service_ms: {cpu: 4}}]}\n" +
+                  kSlicedJob);
+  EXPECT_GE(record.pipelines[2].completed, 9);
+  EXPECT_EQ(real_time_losses(record), 0);
+}
+
+// Idle for 1 ms: b [1, 9), c [9, 10), a [10, 20). Behind a, b would end at 19 of 17.9 ms.
+TEST(Foresight, WhatHasAPauseBeforeWhatIsMoreUrgentIsNotLateAnyway) {
+  const RunRecord record = run_for(
+      5, kOne,
+      "  a: {rate_hz: 10, deadline_ms: 90, tasks: [{name: t, service_ms: {cpu: 10}}]}\n"
+      "  b: {rate_hz: 10, offset_ms: 1, deadline_ms: 16.9, tasks: [{name: t, service_ms: {cpu: "
+      "8}}]}\n"
+      "  c: {rate_hz: 10, offset_ms: 9, deadline_ms: 8.8, tasks: [{name: t, service_ms: {cpu: "
+      "1}}]}\n");
+  EXPECT_EQ(real_time_losses(record), 0);
+}
+
+// `job` of 0 would end at 80 ms, and x of 50 at 85 of 60. It waits until 55.
+TEST(Budget, ForeseesOnAUnitWithMoreServersThanSlots) {
+  const RunRecord record = run_for(
+      5, "platform: one\nunits: {cpu: {servers: 2, slots: 1, active_w: 1}}\n",
+      "  x: {rate_hz: 10, offset_ms: 50, deadline_ms: 10, tasks: [{name: t, service_ms: {cpu: "
+      "5}}]}\n"
+      "  job: {rate_hz: 5, real_time: false, tasks: [{name: j, service_ms: {cpu: 80}}]}\n");
+  EXPECT_EQ(deadline_misses(record), 0);
+  EXPECT_GE(record.pipelines[1].completed, 24);
+}
+
+RunRecord run_closed(const std::string& platform, const std::string& mix) {
+  ScheduleOptions options;
+  options.mode = "budget";
+  return run_virtual(platform_of(platform), nullptr, mix_of("mix: m\n" + mix), options);
+}
+
+// The cloud serves any number of frames. Of four image buffers `cam` needs one.
+TEST(Budget, ALoopHasNoMoreFramesInFlightThanImageBuffersAreLeft) {
+  const std::string platform =
+      "platform: two\nunits: {cpu: {slots: 1, active_w: 1}, cloud: {role: cloud}}\n"
+      "workloads: {alexnet: {cloud: [{delay_ms: 1000}]}}\n";
+  const auto loop = [](int frames) {
+    return fmt::format(
+        "  loop: {{closed_loop: {{frames: {}}}, real_time: false, tasks: [{{workload: alexnet, "
+        "image_input: true}}]}}\n",
+        frames);
+  };
+  const RunRecord beside =
+      run_closed(platform,
+                 "image_buffers: 4\npipelines:\n"
+                 "  cam: {rate_hz: 10, deadline_ms: 50, tasks: [{name: c, service_ms: {cpu: 10}, "
+                 "image_input: true}]}\n" +
+                     loop(100'000));
+  EXPECT_EQ(beside.pipelines[0].dropped, 0);
+  EXPECT_EQ(beside.in_flight, 3);
+  const RunRecord alone = run_closed(platform, "image_buffers: 4\npipelines:\n" + loop(1000));
+  EXPECT_EQ(alone.pipelines[0].completed, 1000);
+  EXPECT_EQ(alone.in_flight, 4);
+}
+
+// A static plan begins with the longer b: a would end at 14 ms.
+TEST(Budget, AMixThatFiresOnceMeetsItsDeadline) {
+  const RunRecord record = run_closed(
+      kOne,
+      "pipelines:\n"
+      "  a: {closed_loop: {frames: 1}, deadline_ms: 5, tasks: [{name: t, service_ms: {cpu: 4}}]}\n"
+      "  b: {closed_loop: {frames: 1}, tasks: [{name: t, service_ms: {cpu: 10}}]}\n");
+  EXPECT_EQ(deadline_misses(record), 0);
+  EXPECT_EQ(record.planned_makespan_s, std::nullopt);
+}
+
+// x first, on b, would be the 20 ms of edf; x on c, beside y, are 11.
+TEST(Budget, AMixThatFiresOnceKeepsThePlanThatMeetsItsDeadline) {
+  const RunRecord record = run_closed(
+      kAbc,
+      "pipelines: {p: {closed_loop: {frames: 1}, deadline_ms: 12, tasks: [{name: x, service_ms: "
+      "{b: 10, c: 11}}, {name: y, service_ms: {b: 10, c: 30}}]}}\n");
+  EXPECT_EQ(deadline_misses(record), 0);
+  EXPECT_NEAR(record.planned_makespan_s.value_or(0), 0.011, 1e-9);
+}
+
 }  // namespace
 }  // namespace pirt::test

@@ -1,9 +1,11 @@
 // Ten invented robots (robots/): mode budget against every static placement, and its guarantees
 // against what is seen.
 #include <algorithm>
+#include <ctime>
 #include <filesystem>
 #include <map>
 
+#include "scheduler/budget/guarantees.h"
 #include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/record/keeping_up.h"
 #include "scheduler/virtual/virtual_time.h"
@@ -258,6 +260,36 @@ TEST(Guarantees, KnowWhatMayBeWantedBackFromTheCloud) {
   const auto many = pipelines("rate_hz: 1, deadline_ms: 11000");
   EXPECT_EQ(many[0].not_analysed, "several calls at a time: cloud");
   EXPECT_EQ(many[1].guaranteed, true) << "no call in the cloud waits for another";
+}
+
+// Each of forty pipelines may wait for all others; of a graph without a rate nothing is asked.
+TEST(Guarantees, TakeLittleTimeWithManyPipelinesAndLargeGraphs) {
+  const auto platform = platform_of("platform: one\nunits: {cpu: {slots: 1, active_w: 1}}\n");
+  const auto clocks_of = [&](const std::string& pipelines, bool analysed) {
+    const Mix mix = mix_of("mix: m\npipelines:\n" + pipelines);
+    ScheduleOptions options;
+    options.mode = "budget";
+    const ModeSetup setup = set_up_mode(platform, nullptr, mix, options);
+    const std::clock_t begin = std::clock();
+    const auto guarantees = guarantees_of(setup.scenario, setup.policy_setup.budget);
+    const std::clock_t end = std::clock();
+    for (const Guarantee& each : guarantees) EXPECT_EQ(each.analysed, analysed);
+    return end - begin;
+  };
+  std::string many;
+  for (int i = 0; i < 40; ++i) {
+    const int rate_hz = 10 + 2 * i;
+    many += "  p" + std::to_string(i) + ": {rate_hz: " + std::to_string(rate_hz) +
+            ", deadline_ms: " + std::to_string(1000 / rate_hz) +
+            ", tasks: [{name: t, service_ms: {cpu: 0.4}}]}\n";
+  }
+  EXPECT_LT(clocks_of(many, true), CLOCKS_PER_SEC) << "of processor time";
+  std::string chain = "  p: {closed_loop: {frames: 2}, tasks: [{name: t0, service_ms: {cpu: 1}}";
+  for (int i = 1; i < 5000; ++i) {
+    chain += ", {name: t" + std::to_string(i) + ", service_ms: {cpu: 1}, after: [t" +
+             std::to_string(i - 1) + "]}";
+  }
+  EXPECT_LT(clocks_of(chain + "]}\n", false), CLOCKS_PER_SEC / 4) << "of processor time";
 }
 
 TEST(Guarantees, SayWhatIsNotAnalysed) {

@@ -1,5 +1,7 @@
 #include "tests/scheduler/support.h"
 #include "tests/support/documentation.h"
+#include "workloads/catalog/own_list.h"
+#include "workloads/own/definition.h"
 
 namespace pirt::test {
 namespace {
@@ -90,6 +92,36 @@ TEST(Mix, BytesAreThoseOfForeignTasks) {
   EXPECT_EQ(edges.pipelines[0].tasks[1].edges[0].bytes, 20);
   EXPECT_EQ(edges.pipelines[0].tasks[2].edges[0].bytes, 5);
   EXPECT_EQ(edges.pipelines[0].tasks[3].edges[0].bytes, std::nullopt);
+}
+
+TEST(Mix, RefusesASizeThatAWorkloadOfSomebodyElsesDoesNotHave) {
+  own::Definition fixed;
+  fixed.name = "my.fixed";
+  fixed.outputs = {own::tensor_from("out", "u8[4]")};
+  fixed.backends = {"cpu"};
+  std::vector<Workload> one;
+  one.push_back(own::to_workload(fixed));
+  make_known(std::move(one));
+  EXPECT_THAT(refused(pipeline("    rate_hz: 1\n    tasks: [{workload: my.fixed@64x48}]\n")),
+              AllOf(HasSubstr("test.yaml:5"), HasSubstr("'my.fixed' has no other sizes")));
+}
+
+TEST(Mix, TensorsOfInputsMayHaveDotsAsTasksMay) {
+  own::Definition net;
+  net.name = "my.net";
+  net.inputs = {own::tensor_from("in", "u8[4]")};
+  net.outputs = {own::tensor_from("model.24.m", "u8[4]")};
+  net.backends = {"cpu"};
+  std::vector<Workload> one;
+  one.push_back(own::to_workload(net));
+  make_known(std::move(one));
+  const Mix mix = mix_of(pipeline(R"(
+    rate_hz: 1
+    tasks:
+      - {workload: my.net}
+      - {name: b, workload: my.net, inputs: {in: my.net.model.24.m}}
+)"));
+  EXPECT_THAT(mix.pipelines[0].tasks[1].after, ElementsAre(0));
 }
 
 TEST(Mix, PutsPredecessorsFirst) {
