@@ -152,7 +152,7 @@ class Recorder {
   }
 
   void write_paths() {
-    for (const PlannedPath& path : run_.paths) {
+    for (const PlannedPath& path : run_.plans.paths) {
       Json poses = Json::array();
       for (const auto& corner : path.corners) {
         poses.push_back(pose_json({.position = {corner.x, corner.y, 0}}));

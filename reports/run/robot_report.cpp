@@ -141,7 +141,7 @@ std::string activities_text(const RobotRun& run) {
   }
   if (const auto* plans = find(run, "plan_path")) {
     text += fmt::format("paths          found by {} of {} plans, the last of {:.2f} m\n",
-                        run.paths_found, plans->completed, run.last_path_m);
+                        run.plans.found, plans->completed, run.plans.last_m);
   }
   if (run.keyframes_after) {
     text += fmt::format("keyframes      RMS {:.4f} m before they were adjusted, {:.4f} m after\n",
@@ -238,10 +238,8 @@ RobotRun robot_run(std::string driver, std::string mode, const Sequence& sequenc
   run.summary.rate_hz = run.result.rate_hz();
   if (activities != nullptr) {
     run.activities = activities->counts();
-    run.paths_found = activities->paths_found();
-    run.last_path_m = activities->last_path_m();
+    run.plans = activities->plans();
     run.scenes = activities->scenes();
-    run.paths = activities->paths();
     run.map_from_world = activities->map_from_world();
     const auto [before, after] = activities->adjusted();
     if (can_align(before, sequence.truth)) {
@@ -330,8 +328,8 @@ Json robot_json(const RobotRun& run, const std::string& dataset) {
     }
   }
   if (find(run, "plan_path") != nullptr) {
-    json["paths_found"] = run.paths_found;
-    json["last_path_m"] = run.last_path_m;
+    json["paths_found"] = run.plans.found;
+    json["last_path_m"] = run.plans.last_m;
   }
   if (run.keyframes_after) {
     json["keyframes_ate_rms_m"] = {{"before", run.keyframes_before->ate_rms_m},

@@ -23,10 +23,8 @@ struct RobotRun {
   slam::StageSummary latency;  ///< From a frame's arrival to its pose.
   LocalizationResult result;
   std::vector<ActivityCounts> activities;  ///< What else it did.
-  std::int64_t paths_found = 0;            ///< Of the planner's.
-  double last_path_m = 0;
+  Plans plans = {};
   std::vector<std::string> scenes = {};  ///< As Activities::scenes().
-  std::vector<PlannedPath> paths = {};   ///< As Activities::paths().
   std::optional<Pose> map_from_world = {};
   /// Of the keyframes, before they were adjusted and after; absent without truth.
   std::optional<TrajectoryError> keyframes_before, keyframes_after;

@@ -86,6 +86,7 @@ class Dispatcher {
   // refused: it changes nothing, and its caller hears `false`.
 
   /// Registers the tasks of a firing (Effects::submitted), and then places those that are ready.
+  /// What the policy would give to no unit fails when it could start.
   /// Absent if refused: a task that comes after itself or a later one of @p tasks, or that no unit
   /// may serve; a state or series out of range.
   std::optional<FiringId> submit(std::span<const Task> tasks, Nanos now, Effects& out);

@@ -42,8 +42,7 @@ void Dispatcher::take_news(Effects& out) {
       }
     });
     if (!waiting_.despairs()) break;
-    // What waits for units that are gone for good fails. Others may hold its state now, or have
-    // nothing to read.
+    // What no unit will ever take fails. Others may hold its state now, or have nothing to read.
     waiting_.take_hopeless([&](TaskSlot slot) {
       out.ended.push_back({tasks_[slot].id, TaskEnd::kFailed});
       fail(slot, out);

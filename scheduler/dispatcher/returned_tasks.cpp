@@ -90,7 +90,6 @@ void Dispatcher::leave_gone(TaskSlot slot) {
   if ((kind.eligible & gone_) == 0) return;
   kind.eligible &= ~gone_;
   tasks_[slot].class_index = waiting_.class_of(kind, up_);
-  waiting_.class_at(slot).hopeless = policy_->takers(kind, kind.eligible) == 0;
 }
 
 }  // namespace pirt

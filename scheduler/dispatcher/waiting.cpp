@@ -15,7 +15,11 @@ std::size_t Waiting::ClassHash::operator()(const TaskClass& kind) const {
 std::uint32_t Waiting::find_class(const TaskClass& kind, UnitMask up) {
   const auto [found, is_new] =
       class_indices_.try_emplace(kind, static_cast<std::uint32_t>(classes_.size()));
-  if (is_new) classes_.push_back({.kind = kind, .takers = policy_.takers(kind, up)});
+  if (is_new) {
+    classes_.push_back({.kind = kind,
+                        .takers = policy_.takers(kind, up),
+                        .hopeless = policy_.takers(kind, kind.eligible) == 0});
+  }
   return found->second;
 }
 

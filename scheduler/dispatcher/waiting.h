@@ -35,7 +35,7 @@ class Waiting {
     bool in_prioritized = false;        ///< and in prioritized_.
     bool refused = false;               ///< For as long as its refusal stands.
     bool parked = false;                ///< Refused until another entry has had its turn.
-    bool hopeless = false;              ///< All that would have taken it are gone.
+    bool hopeless = false;              ///< No unit that is left for it would ever take it.
     std::uint32_t next_parked = kNone;  ///< Behind the same entry.
     /// It is refused until the load of one of these falls; absent = until anything happens.
     std::optional<UnitMask> awaits = {};

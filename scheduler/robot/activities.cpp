@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <utility>
 
@@ -69,6 +70,15 @@ bool is_due(std::optional<Nanos>& next, Nanos time, double hz) {
   const Nanos period = from_s(1 / hz);
   *next += ((time - *next) / period + 1) * period;
   return true;
+}
+
+/// What a call of the user's models takes here, from which its time limit follows.
+std::map<std::string, Nanos> expected_here(const Platform& platform, Nanos takes) {
+  std::map<std::string, Nanos> expected;
+  for (const UnitModel& unit : platform.units) {
+    if (unit.backend == "cpu") expected.emplace(unit.name, takes);
+  }
+  return expected;
 }
 
 }  // namespace
@@ -143,11 +153,16 @@ class Activities::Activity {
 struct Activities::Describer {
   explicit Describer(const ActivityOptions& options)
       : workload(std::make_shared<const Workload>(recognition::make_describe(
-            {*options.model, options.classifier}, options.width, options.height))),
-        describe(recognition::open_described(*workload)) {}
+            {*options.model, options.classifier}, options.width, options.height))) {
+    const MachineClock clock;
+    const Nanos begin = clock.now();
+    describe = recognition::open_described(*workload);
+    takes = clock.now() - begin;
+  }
 
   std::shared_ptr<const Workload> workload;
   KernelFunction describe;
+  Nanos takes{0};  ///< With opening the models.
 };
 
 /// What planning knows.
@@ -166,9 +181,7 @@ struct Activities::Planned {
 
   std::mutex mutex;  ///< Guards what follows, which plans that end write.
   planning::PathFollower path;
-  std::int64_t found = 0;
-  double length_m = 0;
-  std::vector<PlannedPath> paths;
+  Plans plans;
 };
 
 /// Keyframes on their way.
@@ -192,7 +205,10 @@ Activities::Activities(ActivityOptions options) : options_(std::move(options)) {
   if (options_.recognition_hz > 0) {
     if (options_.model) {
       model_ = std::make_shared<recognition::Model>(*options_.model);
+      const MachineClock clock;
+      const Nanos begin = clock.now();
       static_cast<void>(recognition::detect_objects(*model_, blank, {}));
+      recognizing_takes_ = clock.now() - begin;
     }
     recognition_ = std::make_unique<Activity>(model_ ? "recognize" : "alexnet",
                                               from_s(1 / options_.recognition_hz));
@@ -251,20 +267,24 @@ void Activities::list_workloads(RuntimeOptions& options) const {
       const auto objects = recognition::detect_objects(*model, inputs[0], {});
       outputs[0].as<std::int32_t>()[0] = static_cast<std::int32_t>(objects.size());
     };
-    options.workloads.emplace_back(OwnWorkload{.name = "recognize",
-                                               .inputs = {image},
-                                               .outputs = {{"objects", Element::kI32, {1}}},
-                                               .kernels = {{"cpu", recognize}}});
+    options.workloads.emplace_back(
+        OwnWorkload{.name = "recognize",
+                    .inputs = {image},
+                    .outputs = {{"objects", Element::kI32, {1}}},
+                    .kernels = {{"cpu", recognize}},
+                    .expected = expected_here(options.platform, recognizing_takes_)});
   }
   if (scene_ && !describer_) options.workloads.emplace_back("describe_scene");
   if (scene_ && describer_) {
     // A worker in the cloud may have the same models.
     const Workload& describe = *describer_->workload;
-    options.workloads.emplace_back(OwnWorkload{.name = describe.name,
-                                               .inputs = describe.inputs,
-                                               .outputs = describe.outputs,
-                                               .kernels = {{"cpu", describer_->describe}},
-                                               .known_as = describer_->workload});
+    options.workloads.emplace_back(
+        OwnWorkload{.name = describe.name,
+                    .inputs = describe.inputs,
+                    .outputs = describe.outputs,
+                    .kernels = {{"cpu", describer_->describe}},
+                    .expected = expected_here(options.platform, describer_->takes),
+                    .known_as = describer_->workload});
   }
 }
 
@@ -368,11 +388,11 @@ void Activities::plan(const MapPose& place, Nanos time) {
     planned_->path = {};
     if (path.status != planning::PathStatus::kFound) return;
     const Grid& grid = options_.planning->map;
-    ++planned_->found;
-    planned_->length_m = path.length * grid.resolution;
+    ++planned_->plans.found;
+    planned_->plans.last_m = path.length * grid.resolution;
     std::vector<Point> centres;
     for (const Cell cell : path.cells) centres.push_back(grid.centre_of(cell));
-    auto& paths = planned_->paths;
+    auto& paths = planned_->plans.paths;
     if (paths.empty() || time - paths.back().time >= std::chrono::seconds(1)) {
       paths.push_back({time, corners_of(path.cells, grid)});
     }
@@ -452,10 +472,7 @@ std::vector<ActivityCounts> Activities::counts() const {
   return counts;
 }
 
-std::int64_t Activities::paths_found() const { return planned_ ? planned_->found : 0; }
-std::vector<PlannedPath> Activities::paths() const {
-  return planned_ ? planned_->paths : std::vector<PlannedPath>();
-}
+Plans Activities::plans() const { return planned_ ? planned_->plans : Plans{}; }
 
 std::optional<Pose> Activities::map_from_world() const {
   if (!planned_ || !planned_->first) return std::nullopt;
@@ -470,7 +487,5 @@ std::optional<Pose> Activities::map_from_world() const {
       Eigen::Vector3d(start.position.x, start.position.y, 0) - pose.rotation * first.position;
   return pose;
 }
-
-double Activities::last_path_m() const { return planned_ ? planned_->length_m : 0; }
 
 }  // namespace pirt

@@ -60,6 +60,13 @@ struct PlannedPath {
   std::vector<planning::Point> corners;
 };
 
+/// What the plans have found.
+struct Plans {
+  std::int64_t found = 0;               ///< With a path.
+  double last_m = 0;                    ///< Length of the last one's, in metres.
+  std::vector<PlannedPath> paths = {};  ///< At most one a second.
+};
+
 /// What became of one kind of task.
 struct ActivityCounts {
   std::string name;   ///< "plan_path".
@@ -87,11 +94,7 @@ class Activities final : public Companion {
 
   /// Once all has ended.
   [[nodiscard]] std::vector<ActivityCounts> counts() const;
-  /// Plans that found a path, and the last one's length in metres.
-  [[nodiscard]] std::int64_t paths_found() const;
-  [[nodiscard]] double last_path_m() const;
-  /// At most one a second.
-  [[nodiscard]] std::vector<PlannedPath> paths() const;
+  [[nodiscard]] Plans plans() const;
   /// The localization's world on the map; absent if nothing is planned, or, with an IMU, before the
   /// first pose.
   [[nodiscard]] std::optional<Pose> map_from_world() const;
@@ -117,6 +120,7 @@ class Activities final : public Companion {
 
   ActivityOptions options_;
   std::shared_ptr<recognition::Model> model_;
+  Nanos recognizing_takes_{0};            ///< By the model, as it was called first.
   std::shared_ptr<Describer> describer_;  ///< Of the user's models; null: the catalogue's.
   std::unique_ptr<Planned> planned_;      ///< Null: nothing is planned.
   std::unique_ptr<Mapped> mapped_;        ///< Null: no keyframes.

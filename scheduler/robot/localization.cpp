@@ -12,6 +12,7 @@
 
 #include "scheduler/robot/read_ahead.h"
 #include "scheduler/robot/tracking.h"
+#include "scheduler/runtime/time_limit.h"
 #include "workloads/inputs/sequence/stamps.h"
 #include "workloads/slam/workload/state_tensors.h"
 #include "workloads/slam/workload/step_tensors.h"
@@ -66,6 +67,7 @@ class LiveLocalization {
         period_(usual_period(sequence)) {
     const auto& camera = options_.setup.cameras[0];
     RuntimeOptions& runtime = options_.runtime;
+    if (options_.stops) runtime.stop = [this] { return stops() > 0; };
     std::ranges::copy(slam::steps(options_.setup), std::back_inserter(runtime.workloads));
     runtime.workloads.emplace_back(vision::make_extract_features(camera.width, camera.height));
     std::ranges::copy(tracking_workloads(options_.setup), std::back_inserter(runtime.workloads));
@@ -134,7 +136,7 @@ class LiveLocalization {
     std::unique_lock lock(mutex_);
     const auto until = [&](Nanos at, const auto& reached) {
       while (!reached() && stops() == 0 && clock_.now() < at) {
-        const Nanos look = std::min(at, clock_.now() + kLook);
+        const Nanos look = std::min(at, clock_.now() + kLookEvery);
         changed_.wait_until(lock, std::chrono::steady_clock::time_point(look), reached);
       }
     };
@@ -161,11 +163,14 @@ class LiveLocalization {
     return true;
   }
 
-  [[nodiscard]] TaskFuture submit(const char* workload, std::vector<TaskInput> inputs,
-                                  std::vector<TaskFuture> after = {},
+  /// All steps of a frame are due when the next one comes, whenever they begin.
+  [[nodiscard]] TaskFuture submit(const Flight& flight, const char* workload,
+                                  std::vector<TaskInput> inputs, std::vector<TaskFuture> after = {},
                                   Runtime::Callback callback = {}) {
+    std::optional<Nanos> deadline;
+    if (period_) deadline = flight.arrived + *period_ - clock_.now();
     return runtime_->submit(workload, std::move(inputs),
-                            {.real_time = true, .deadline = period_, .after = std::move(after)},
+                            {.real_time = true, .deadline = deadline, .after = std::move(after)},
                             std::move(callback));
   }
 
@@ -180,10 +185,12 @@ class LiveLocalization {
   void look_at(Flight& flight, const GreyImage& left, const GreyImage& right) {
     flight.unusable = slam::is_blank(left);
     flight.left = slam::tensor_of(left);
-    flight.pyramid = submit("pyramid", {flight.left});
+    flight.pyramid = submit(flight, "pyramid", {flight.left});
     if (flight.unusable) return;
-    flight.features = submit("extract_features", {flight.left});
-    if (!right.empty()) flight.pyramid_right = submit("pyramid_right", {slam::tensor_of(right)});
+    flight.features = submit(flight, "extract_features", {flight.left});
+    if (!right.empty()) {
+      flight.pyramid_right = submit(flight, "pyramid_right", {slam::tensor_of(right)});
+    }
   }
 
   /// What the state decides begins when the frame before has ended.
@@ -201,14 +208,14 @@ class LiveLocalization {
   /// Without the mutex: a task whose predecessor has failed ends as it is submitted.
   void begin_steps(const std::shared_ptr<Flight>& flight) {
     Flight& f = *flight;
-    f.propagate = submit_propagate(sequence_.frames[f.frame].time);
+    f.propagate = submit_propagate(f);
     constexpr std::size_t kLevels = slam::kPyramidLevels;
     if (!f.unusable && before_.valid()) {
       std::vector<TaskInput> inputs;
       add(inputs, before_, 0, kLevels);
       add(inputs, f.pyramid, 0, kLevels);
       add(inputs, f.propagate, 2, 2);
-      f.track = submit("track", std::move(inputs));
+      f.track = submit(f, "track", std::move(inputs));
     }
     if (f.track.valid() && f.pyramid_right.valid()) {
       std::vector<TaskInput> inputs;
@@ -216,7 +223,7 @@ class LiveLocalization {
       add(inputs, f.pyramid_right, 0, kLevels);
       add(inputs, f.track, 0, 2);
       add(inputs, f.propagate, 4, 1);
-      f.track_right = submit("track_right", std::move(inputs));
+      f.track_right = submit(f, "track_right", std::move(inputs));
     }
     std::vector<TaskInput> features;
     f.features.valid() ? add(features, f.features, 0, 3) : add(features, no_features_);
@@ -225,17 +232,18 @@ class LiveLocalization {
     f.track_right.valid() ? add(inputs, f.track_right, 0, 2) : add(inputs, no_tracks_);
     std::ranges::copy(features, std::back_inserter(inputs));
     // The pyramid is what the next frame is compared with.
-    f.update_pose = submit("update_pose", std::move(inputs), {f.propagate, f.pyramid});
+    f.update_pose = submit(f, "update_pose", std::move(inputs), {f.propagate, f.pyramid});
     const auto better =
         options_.companion != nullptr ? options_.companion->better_map() : slam::BetterMap{};
     better.points.empty() ? add(features, no_better_) : add(features, slam::tensors_of(better));
     static_cast<void>(
-        submit("extend_map", std::move(features), {f.update_pose},
+        submit(f, "extend_map", std::move(features), {f.update_pose},
                [this, flight](const TaskFuture& task, TaskEnd end) { ended(flight, task, end); }));
   }
 
   /// One call takes so many samples; after a long gap there are more.
-  TaskFuture submit_propagate(Nanos until) {
+  TaskFuture submit_propagate(const Flight& flight) {
+    const Nanos until = sequence_.frames[flight.frame].time;
     TaskFuture last;
     Nanos from = state_time_;
     while (true) {
@@ -245,7 +253,7 @@ class LiveLocalization {
       from = all ? until : samples.back().time;
       std::vector<TaskInput> inputs;
       add(inputs, slam::tensors_of(samples, from));
-      last = submit("imu_propagate", std::move(inputs),
+      last = submit(flight, "imu_propagate", std::move(inputs),
                     last.valid() ? std::vector{last} : std::vector<TaskFuture>{});
       if (all) return last;
     }
@@ -356,14 +364,15 @@ class LiveLocalization {
     {
       std::unique_lock lock(mutex_);
       while (in_flight_ > 0 && failure_ == nullptr && stops() < 2) {
-        changed_.wait_for(lock, kLook, [this] { return in_flight_ == 0 || failure_ != nullptr; });
+        changed_.wait_for(lock, kLookEvery,
+                          [this] { return in_flight_ == 0 || failure_ != nullptr; });
       }
       all = in_flight_ == 0;
       if (failure_ != nullptr) std::rethrow_exception(failure_);
     }
     // What the companion asked for goes on.
     while (all && runtime_->statistics().live > 0 && stops() < 2) {
-      std::this_thread::sleep_for(kLook / 10);
+      std::this_thread::sleep_for(kLookEvery / 10);
     }
     all = all && stops() < 2;
     result_.run.last = slam::read_state(runtime_->state("slam"));

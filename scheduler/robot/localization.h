@@ -29,9 +29,6 @@
 
 namespace pirt {
 
-/// How often a driver that waits looks whether it shall stop.
-inline constexpr Nanos kLook = std::chrono::milliseconds(50);
-
 struct LocalizationOptions {
   slam::Setup setup;
   RuntimeOptions runtime;  ///< Platform, profile, mode, trace; its workloads are given here.

@@ -11,6 +11,7 @@
 
 #include "scheduler/robot/localization.h"
 #include "scheduler/runtime/samples.h"
+#include "scheduler/runtime/time_limit.h"
 #include "workloads/backends/registry.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/sequence/stamps.h"
@@ -143,7 +144,7 @@ class SerialLocalization {
 
   slam::Next next(std::size_t frame) {
     while (options_.own_rate && stops() == 0 && clock_.now() < due(frame)) {
-      std::this_thread::sleep_for(std::min(due(frame) - clock_.now(), kLook));
+      std::this_thread::sleep_for(std::min(due(frame) - clock_.now(), kLookEvery));
     }
     if (stops() > 0) return slam::Next::kStop;
     const bool late =

@@ -114,23 +114,26 @@ void Runtime::Engine::check_inputs(const Workload& workload,
   }
 }
 
-UnitMask Runtime::Engine::units_named(const std::vector<std::string>& names) const {
-  if (names.empty()) return ~UnitMask{0};
-  UnitMask mask = 0;
-  for (const std::string& name : names) {
+/// Units that the task may be given to.
+UnitMask Runtime::Engine::units_for(const Known& known, const TaskOptions& options) const {
+  UnitMask named = options.eligible.empty() ? known.runs_on : 0;
+  for (const std::string& name : options.eligible) {
     const UnitModel& unit = options_.platform.unit(name);
-    mask |= unit_bit(static_cast<UnitId>(&unit - options_.platform.units.data()));
+    named |= known.runs_on & unit_bit(static_cast<UnitId>(&unit - options_.platform.units.data()));
   }
-  return mask;
-}
-
-Runtime::Engine::Submitted& Runtime::Engine::take_record() {
-  try {
-    return records_->take();
-  } catch (...) {  // No memory.
-    room_.leave();
-    throw;
+  if (named == 0) {
+    throw_bad_input(known.workload->name + ": none of the units " + join(options.eligible, ", ") +
+                    " can run it; leave `eligible` out, or name one of " +
+                    unit_list(options_.platform, known.runs_on));
   }
+  const UnitMask taken = named & (options.real_time ? known.real_time_takers : known.takers);
+  if (taken != 0) return taken;
+  throw_bad_input(known.workload->name + ": mode " + options_.mode +
+                  " would never place this task" +
+                  (options.real_time ? ", which is real-time" : "") + ": only " +
+                  unit_list(options_.platform, named) +
+                  " may serve it, which the mode does not use for that; take another mode" +
+                  (options.eligible.empty() ? "" : ", or leave `eligible` out"));
 }
 
 TaskFuture Runtime::Engine::submit(WorkloadHandle workload, std::vector<TaskInput> inputs,
@@ -145,19 +148,21 @@ TaskFuture Runtime::Engine::submit(WorkloadHandle workload, std::vector<TaskInpu
     if (before.valid() && before.task_->engine == number_of_engine_) continue;
     throw_bad_input(known.workload->name + ": one of `after` is no task of this runtime");
   }
-  const UnitMask eligible = known.runs_on & units_named(options.eligible);
-  if (eligible == 0) {
-    throw_bad_input(known.workload->name + ": none of the units " + join(options.eligible, ", ") +
-                    " can run it; leave `eligible` out, or name one of " +
-                    unit_list(options_.platform, known.runs_on));
-  }
+  const UnitMask eligible = units_for(known, options);
   if (closing_) {
     throw_environment(known.workload->name + ": the runtime is ending and takes nothing new");
   }
   // Who waits for room has no record: there are no more than tasks that have not ended, or that
   // somebody still holds.
   room_.enter(!runtime::MustNotWait::here());
-  Submitted& task = take_record();
+  Submitted* record = nullptr;
+  try {
+    record = &records_->take();
+  } catch (...) {  // No memory.
+    room_.leave();
+    throw;
+  }
+  Submitted& task = *record;
   task.begin();
   task.engine = number_of_engine_;
   task.forks = forks_;
@@ -260,21 +265,19 @@ std::vector<Tensor> Runtime::Engine::state(std::string_view name) {
     throw_bad_input("no workload of this runtime has a state '" + std::string(name) + "'");
   }
   runtime::check_process(forks_);
-  auto turn = turn_.take();
-  auto copy = copy_tensors(live_units_.state(known->second).committed());
-  turn.give_back();
-  work(Thread::kTheirs);
+  std::vector<Tensor> copy;
+  in_turn([&] { copy = copy_tensors(live_units_.state(known->second).committed()); });
   return copy;
 }
 
 void Runtime::Engine::write_trace() {
   if (trace_ == nullptr) throw_bad_input("write_trace: the runtime's options name no trace");
   wait_all();
-  auto turn = turn_.take();
-  const auto trace = std::move(trace_);
-  dispatcher_->observe(nullptr);
-  turn.give_back();
-  work(Thread::kTheirs);
+  std::unique_ptr<TraceThread> trace;
+  in_turn([&] {
+    trace = std::move(trace_);
+    dispatcher_->observe(nullptr);
+  });
   Tally tally;
   tally.end = now();
   trace->finish();

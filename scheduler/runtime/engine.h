@@ -150,6 +150,7 @@ class Runtime::Engine final : private LiveDriver {
     const Workload* workload = nullptr;
     const OwnWorkload* own = nullptr;
     UnitMask runs_on = 0;
+    UnitMask takers = 0, real_time_takers = 0;  ///< Of these: to which the mode may give a task.
     /// Units that gave back too many calls of it, or where nobody has it: of who has the turn.
     UnitMask gave_up = 0;
     bool takes_image = false;           ///< See TaskOptions::image_input.
@@ -181,11 +182,10 @@ class Runtime::Engine final : private LiveDriver {
   [[nodiscard]] UnitMask units_of(const Known& known) const;
   [[nodiscard]] Mix mix() const;
   void check_inputs(const Workload& workload, const std::vector<TaskInput>& inputs) const;
-  [[nodiscard]] UnitMask units_named(const std::vector<std::string>& names) const;
+  [[nodiscard]] UnitMask units_for(const Known& known, const TaskOptions& options) const;
 
   /// What is known of a task as it is submitted.
   enum class Prospect : std::uint8_t { kReady, kWaits, kUrgent };
-  Submitted& take_record();
   /// Each task that it comes after, in order.
   template <typename Visit>
   static void visit_before(const Submitted& task, const Visit& visit) {
@@ -202,6 +202,14 @@ class Runtime::Engine final : private LiveDriver {
   /// Whose thread it is that works: callbacks run on the runtime's own alone.
   enum class Thread : std::uint8_t { kOurs, kTheirs };
   void work(Thread thread);
+  template <typename Body>
+  void in_turn(const Body& body) {
+    {
+      const auto turn = turn_.take();
+      body();
+    }
+    work(Thread::kTheirs);  // What was posted for who had the turn.
+  }
   [[nodiscard]] bool has_work() const {
     return ended_calls_.load() != nullptr || asked_.load() != 0 ||
            (submitted_.load() != nullptr && (turns_.load() & 1U) != 0);

@@ -40,28 +40,24 @@ void Runtime::Engine::bring_back(std::string_view name) {
   const std::lock_guard one_at_a_time(bringing_back_);
   if (!live_units_.has(unit)) throw_bad_input("unit " + model.name + " computes nothing here");
   bool lost = false, busy = false;
-  {
-    const auto turn = turn_.take();
+  in_turn([&] {
     lost = !units_[unit].in_service;
     if (!lost) ask_for_all(unit, false);
     busy = lost && !live_units_.at(unit).abandoned() &&
            dispatcher_->running(unit) + dispatcher_->suspended(unit) > 0;
-  }
-  work(Thread::kTheirs);  // What was posted for who had the turn.
+  });
   if (!lost) return;
   if (busy) {
     throw_environment("unit " + model.name + " has calls that have not ended; try again later");
   }
   auto other = live_units_.make_ready(unit);
-  {
-    const auto turn = turn_.take();
+  in_turn([&] {
     other = live_units_.replace(unit, std::move(other));
     ask_for_all(unit, true);
     units_[unit].in_service = true;
     dispatcher_->set_unit(unit, UnitState::kUp, now(), effects_);
     asked_.fetch_or(kLook);  // There may be something to start.
-  }
-  work(Thread::kTheirs);
+  });
 }
 
 /// Also for what it gave back too often; not for what nobody there has.
@@ -82,8 +78,9 @@ void Runtime::Engine::ask_for_all(UnitId unit, bool says_news) {
 }
 
 /// Others have come to what is elsewhere, or gone: it may serve what it did not, whatever became of
-/// it before.
+/// it before. Nobody looks while nothing runs, so that it may also be out of reach by now.
 void Runtime::Engine::hear_of_others() {
+  if (running_ == 0 && !elsewhere_.empty()) live_units_.look_for_reach();
   for (const UnitId unit : elsewhere_) {
     const KernelUnit& there = live_units_.at(unit);
     if (there.remote()->heard() == units_[unit].heard) continue;

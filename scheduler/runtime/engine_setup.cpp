@@ -6,10 +6,12 @@
 #include <limits>
 #include <variant>
 
+#include "characterize/platform/elsewhere.h"
 #include "characterize/platform/unit_request.h"
 #include "characterize/profile/own_rows.h"
 #include "scheduler/runtime/engine.h"
 #include "scheduler/services/devices.h"
+#include "scheduler/services/eligibility.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
@@ -82,7 +84,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
                    .priority = options_.priority,
                    .spin = options_.spin,
                    .keeps = own_,
-                   .stop = {},
+                   .stop = options_.stop,
                    .progress = [this](const std::string& line) { say(line); },
                    .slices = suspends_calls(options_)},
                   *this) {
@@ -104,11 +106,22 @@ Runtime::Engine::Engine(RuntimeOptions options)
   }
   for (std::size_t w = 0; w < workloads_.size(); ++w) {
     Known& known = workloads_[w];
-    known.runs_on &= setup_->scenario.classes[w][0].eligible;
+    TaskClass kind = setup_->scenario.classes[w][0];
+    known.runs_on &= kind.eligible;
     known.lead = recall_leads(setup_->scenario, w)[0];
     if (known.runs_on == 0) {
       throw_bad_input("no unit of platform " + options_.platform.name + " can run " +
                       known.workload->name + " here");
+    }
+    for (UnitId unit = 0; unit < units_.size(); ++unit) {
+      kind.eligible = known.runs_on & unit_bit(unit);
+      kind.real_time = false;
+      known.takers |= setup_->policy->takers(kind, kind.eligible);
+      kind.real_time = true;
+      known.real_time_takers |= setup_->policy->takers(kind, kind.eligible);
+    }
+    if (setup_->mode.policy.cloud_use == CloudUse::kNotRealTime) {
+      known.real_time_takers &= ~cloud_units(options_.platform);
     }
   }
   list_states();
@@ -152,8 +165,9 @@ std::string Runtime::Engine::name_of_rows(const Workload& made) const {
   if (has_rows) return name;
   throw_bad_input(fmt::format(
       "profile {} has no rows of {} in this size, and those of another do not tell its time; "
-      "measure it: pirt characterize --platform {} --filter {} --db {}",
-      options_.profile->path, plain, options_.platform.name, name, options_.profile->path));
+      "measure it: {}",
+      options_.profile->path, plain,
+      measure_command(options_.platform, "", {name}, options_.profile->path)));
 }
 
 /// Before anything is listed, so that others of the options may name what a file has, too.
@@ -291,6 +305,7 @@ Mix Runtime::Engine::mix() const {
     Pipeline pipeline;
     pipeline.name = task.name;
     pipeline.frames = 1;
+    pipeline.real_time = false;  // Some task may not be.
     pipeline.tasks.push_back(std::move(task));
     mix.pipelines.push_back(std::move(pipeline));
   }
@@ -331,9 +346,10 @@ void Runtime::Engine::tell_limits() {
   if (options_.time_limit) return;
   for (const Known& known : workloads_) {
     for (UnitId unit = 0; unit < units_.size() && known.own != nullptr; ++unit) {
-      const std::string& name = options_.platform.units[unit].name;
-      if (!contains(known.runs_on, unit) || known.own->expected.contains(name)) continue;
-      say(known.own->name + " on " + name +
+      const UnitModel& model = options_.platform.units[unit];
+      const bool said = known.own->expected.contains(model.name);
+      if (!contains(known.runs_on, unit) || said || is_elsewhere(model)) continue;
+      say(known.own->name + " on " + model.name +
           " does not say what it is expected to take: a call that has not ended after " +
           std::to_string(kUnknownTimeLimit / std::chrono::seconds(1)) +
           " s is taken for one that hangs");

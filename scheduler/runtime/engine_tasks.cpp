@@ -60,6 +60,12 @@ void Runtime::Engine::take_in(Submitted& task) {
   tasks_[slot_of(task.id)] = &task;
   task.known = true;
   if (trace_) trace_->submitted(task.id, task.workload_index, 0, ++number_);
+  if (!closing_) return;
+  // Who submitted it had not seen that. store(closing_) -> the turn of cancel_all; pairs with this
+  // turn -> load(closing_): one of the two sees the task.
+  const std::lock_guard lock(asking_);
+  cancels_all_ = true;
+  asked_.fetch_or(kLook);
 }
 
 /// The task as the dispatcher sees it.

@@ -95,12 +95,6 @@ void KernelUnit::Close::operator()(KernelUnit* unit) const {
   unit->stayed_before_ = newest.exchange(unit);
 }
 
-bool KernelUnit::wait_until_ready(Nanos most) {
-  const bool over = is_over_start(most);
-  if (over && failure_ != nullptr) std::rethrow_exception(failure_);
-  return over;
-}
-
 void KernelUnit::run(Call& call) {
   auto* const lane = static_cast<Lane*>(lane_here);
   if (lane != nullptr && lane->unit == this && lane->telling && lane->next == nullptr &&
@@ -325,6 +319,8 @@ void KernelUnit::run_once(Lane& lane, const Preparation& preparation, Prepared& 
                  make_tensors(workload.outputs, output_memory_.get())),
              .state = workload.state ? std::make_shared<StateValue>(workload) : nullptr,
              .intended = Outcome::kFailed};
+  // And another set of them, for a call while somebody reads those of the one before.
+  const auto second = make_tensors(workload.outputs, output_memory_.get());
   for (const Tensor& input : preparation.sample->inputs) first.inputs.push_back(input.share());
   CallTimes unused;
   compute(lane, prepared, first, unused);

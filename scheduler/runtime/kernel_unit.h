@@ -92,10 +92,10 @@ class KernelUnit {
   /// Until its start is over, well or not, or @p most is.
   /// @return  Whether it is.
   [[nodiscard]] bool is_over_start(Nanos most) { return started_.wait_for(most); }
-  /// Until the device is open and all is prepared, or @p most is over.
-  /// @return  Whether it is.
-  /// @throws What opening and preparing throw.
-  bool wait_until_ready(Nanos most);
+  /// Once that is over. @throws What opening and preparing threw.
+  void rethrow_failure() const {
+    if (failure_ != nullptr) std::rethrow_exception(failure_);
+  }
   /// What is not as it was asked for, once it is ready; empty if all is.
   [[nodiscard]] const std::string& remark() const { return remark_; }
   /// Whether those elsewhere have the workload, which is one of the preparations, by what was heard
@@ -136,8 +136,8 @@ class KernelUnit {
     return lanes_[call.lane].running.request_stop(call.number);
   }
   [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
-  /// What it computes on, once it is ready; null = only functions run there.
-  [[nodiscard]] const DeviceInfo* device() const { return device_info_ ? &*device_info_ : nullptr; }
+  /// What it computes on, once it is ready; of one with a backend.
+  [[nodiscard]] const DeviceInfo& device() const { return *device_info_; }
   /// Where its outputs are best, once it is ready; null = the heap.
   [[nodiscard]] TensorMemory* output_memory() const { return output_memory_.get(); }
   /// Its device computes nothing any more, and is not open: all calls are given back.

@@ -18,8 +18,6 @@ namespace {
 
 /// That are kept of a workload on a unit.
 constexpr std::size_t kMostCalls = 4096;
-/// How often calls are looked at that may run too long, and whether the run shall stop.
-constexpr Nanos kLook = std::chrono::milliseconds(50);
 /// What units' threads get at a time where paced units are never caught up with.
 constexpr Nanos kGivesWay = std::chrono::microseconds(100);
 
@@ -190,7 +188,7 @@ class LiveRun final : public Executor, private LiveDriver {
     LiveCalls all;
     for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
       if (!units_.has(unit) || units_.at(unit).abandoned()) continue;
-      all.units.push_back({units_.at(unit).name(), *units_.at(unit).device()});
+      all.units.push_back({units_.at(unit).name(), units_.at(unit).device()});
     }
     const std::lock_guard lock(mutex_);
     for (const auto& [of, kept] : kept_) {
@@ -208,13 +206,13 @@ class LiveRun final : public Executor, private LiveDriver {
 
   /// Lets events happen when their time has come, until there is none and nothing computes.
   void pace(std::unique_lock<runtime::Mutex>& lock) {
-    Nanos look = now() + kLook;
+    Nanos look = now() + kLookEvery;
     while (true) {
       const Nanos next = closing_ ? Nanos::max() : time_.next();
       if (closing_ && computing_ == 0) return;
       if (now() >= look) {
         look_after(start_ + look);
-        look = now() + kLook;
+        look = now() + kLookEvery;
       } else if (next <= now()) {
         time_.advance(now());
         if (telling_ > 0 && time_.next() <= now()) wait_until(lock, now() + kGivesWay);

@@ -11,14 +11,10 @@
 namespace pirt {
 namespace {
 
-/// How often it is asked whether to go on while units start.
-constexpr Nanos kLookForStop = std::chrono::milliseconds(50);
 constexpr Nanos kLeastLook = std::chrono::milliseconds(1);
 constexpr Nanos kMostLook = std::chrono::seconds(1);
 /// Who looks so much later than he was to was stopped himself (Ctrl-Z, a debugger).
 constexpr Nanos kStoodStill = std::chrono::seconds(2);
-/// How often it is asked whether what is elsewhere is within reach.
-constexpr Nanos kLookForReach = std::chrono::milliseconds(50);
 /// A start takes seconds; with an emulator, and everything compiled anew, some minutes.
 constexpr Nanos kLongestStart = std::chrono::minutes(10);
 
@@ -52,7 +48,7 @@ void LiveUnits::open() {
     if (unit == nullptr) continue;
     wait_until_ready(*unit, until);
     if (!unit->remark().empty()) driver_.add_problem(unit->name() + ": " + unit->remark());
-    if (unit->is_remote()) look_every_ = kLookForReach;
+    if (unit->is_remote()) look_every_ = std::min(look_every_, kLookEvery);
   }
 }
 
@@ -83,7 +79,7 @@ KernelUnit::Owner LiveUnits::make(UnitId unit, std::vector<Preparation> preparat
 }
 
 void LiveUnits::wait_until_ready(KernelUnit& unit, Nanos until) const {
-  while (!unit.is_over_start(kLookForStop)) {
+  while (!unit.is_over_start(kLookEvery)) {
     if (options_.stop && options_.stop() > 0) {
       throw_environment("interrupted while unit " + unit.name() + " was being prepared");
     }
@@ -95,7 +91,7 @@ void LiveUnits::wait_until_ready(KernelUnit& unit, Nanos until) const {
     }
   }
   try {
-    unit.wait_until_ready(Nanos::zero());
+    unit.rethrow_failure();
   } catch (const Error& error) {
     throw Error(error.code(), "unit " + unit.name() + ": " + error.what());
   }
@@ -178,7 +174,7 @@ void LiveUnits::give_up(UnitId unit, Call& call, Nanos ran, const std::vector<Ca
        .problem = call.workload->name + " on " + units_[unit]->name() + ": no end after " +
                   std::to_string(to_ms(ran)) + " ms; the unit is out of service from then on"});
   for (Call* const each : behind) {
-    driver_.give_up(unit, *each, {.outcome = Outcome::kReturned});
+    driver_.give_up(unit, *each, {.outcome = Outcome::kReturned, .excused = true});
   }
 }
 
@@ -215,7 +211,7 @@ void LiveUnits::look_for_reach() {
 
 void LiveUnits::look_for_lost(UnitId unit) {
   Lost& lost = lost_[unit];
-  look_every_ = std::min(look_every_, kLookForReach);
+  look_every_ = std::min(look_every_, kLookEvery);
   if (!lost.memory) {  // Once: the unit's thread brings another one with the device.
     const auto memory = units_[unit]->take_output_memory();
     if (memory != nullptr) outputs_.forget(memory.get());

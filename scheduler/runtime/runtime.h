@@ -233,6 +233,9 @@ struct RuntimeOptions {
   int priority = 0;  ///< Above 0: units' threads at this real-time priority, where permitted.
   /// A line each while it starts, from the thread that makes it; never afterwards.
   std::function<void(const std::string&)> progress = {};
+  /// Asked some 20 times a second while units are prepared, as it starts and by bring_back: whether
+  /// nobody wants that any more; then they throw Error{kEnvironment}. Empty = never.
+  std::function<bool()> stop = {};
   /// A line each for what goes wrong, when it does: failed calls, lost units, callbacks that throw;
   /// once it has started also for units that get out of reach or within it, or are opened again.
   /// Called as a callback is.
@@ -275,7 +278,7 @@ class Runtime {
  public:
   /// @throws Error{kBadInput}: an unknown mode or one that plans ahead, an unknown workload, a
   /// workload that no unit can serve (with each unit's reason); Error{kEnvironment}: a device that
-  /// cannot be opened or a kernel that cannot be prepared.
+  /// cannot be opened, a kernel that cannot be prepared, or RuntimeOptions::stop.
   explicit Runtime(RuntimeOptions options);
   /// Cancels what has not started and waits for what runs, but for calls that hang; nothing can be
   /// submitted any more. Not from a callback or a kernel.
@@ -287,8 +290,8 @@ class Runtime {
   /// @param inputs    As Workload::inputs.
   /// @param callback  Called once when the task has ended; may be empty.
   /// @throws Error{kBadInput}: a workload that is not among the options', inputs that do not fit,
-  /// units that cannot serve it, an input or predecessor of another runtime; Error{kEnvironment}:
-  /// the runtime is ending, or is another process's.
+  /// units that cannot serve it, or to which the mode gives no such task, an input or predecessor
+  /// of another runtime; Error{kEnvironment}: the runtime is ending, or is another process's.
   TaskFuture submit(WorkloadHandle workload, std::vector<TaskInput> inputs,
                     TaskOptions options = {}, Callback callback = {});
   /// The same; the name is looked up each time.

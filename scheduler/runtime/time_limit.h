@@ -1,4 +1,5 @@
-// How long a call may take before its unit is taken for one that hangs.
+// How long a call may take before its unit is taken for one that hangs, and how often who waits
+// looks.
 #pragma once
 
 #include <algorithm>
@@ -8,6 +9,9 @@
 #include "workloads/model/own_operation.h"
 
 namespace pirt {
+
+/// Whether to stop, at calls that run, whether what is elsewhere is within reach.
+inline constexpr Nanos kLookEvery = std::chrono::milliseconds(50);
 
 /// A busy machine, a kernel's first call.
 inline constexpr Nanos kLeastTimeLimit = std::chrono::seconds(5);

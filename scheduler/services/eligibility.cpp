@@ -45,14 +45,9 @@ std::string remedy(const Platform& platform, const Profile* profile,
                      : model);
   }
   if (!measures) return model;
-  std::string files;
-  for (const std::string& file : files_of(missing)) files += " --workloads " + path_in_shell(file);
-  const std::string path = profile == nullptr ? "profile.db" : path_in_shell(profile->path);
-  const std::string argument =
-      path_in_shell(platform.argument.empty() ? platform.name : platform.argument);
-  return "measure with: pirt characterize --platform " + argument + files + " --filter '^(" +
-         join(missing, "|") + ")$' --db " + path +
-         (profile == nullptr ? ", then give --profile " + path : "");
+  const std::string database = profile == nullptr ? "profile.db" : profile->path;
+  return "measure with: " + measure_command(platform, "", missing, database) +
+         (profile == nullptr ? ", then give --profile " + database : "");
 }
 
 /// The units of that name or role; throws if it is none.
@@ -88,6 +83,19 @@ std::string unit_list(const Platform& platform, UnitMask mask) {
 
 std::string task_name(const Mix& mix, const Pipeline& pipeline, const MixTask& task) {
   return "mix " + mix.name + ": pipelines." + pipeline.name + ": " + task.name;
+}
+
+std::string measure_command(const Platform& platform, const std::string& unit,
+                            const std::vector<std::string>& workloads,
+                            const std::string& database) {
+  std::string command =
+      "pirt characterize --platform " +
+      path_in_shell(platform.argument.empty() ? platform.name : platform.argument);
+  if (!unit.empty()) command += " --units " + unit;
+  for (const std::string& file : files_of(workloads)) {
+    command += " --workloads " + path_in_shell(file);
+  }
+  return command + " --filter '^(" + join(workloads, "|") + ")$' --db " + path_in_shell(database);
 }
 
 std::vector<std::string> workloads_of(const Mix& mix) {

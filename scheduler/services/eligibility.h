@@ -21,6 +21,12 @@ enum class CloudUse : std::uint8_t { kNone, kNotRealTime, kAll };
 
 /// "mix m: pipelines.p: task", for messages.
 [[nodiscard]] std::string task_name(const Mix& mix, const Pipeline& pipeline, const MixTask& task);
+/// What measures the workloads into @p database, with the files of those that are not pirt's; for
+/// messages.
+/// @param unit  Empty = all.
+[[nodiscard]] std::string measure_command(const Platform& platform, const std::string& unit,
+                                          const std::vector<std::string>& workloads,
+                                          const std::string& database);
 /// "cpu, gpu", for messages.
 [[nodiscard]] std::string unit_list(const Platform& platform, UnitMask mask);
 

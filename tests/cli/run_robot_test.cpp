@@ -406,6 +406,8 @@ TEST_F(RunRobot, RefusesWhatMakesNoSense) {
   expect_refused(pirt({"run-robot"}), {"folder"});
   expect_refused(pirt(arguments({"--serial", "--camera-late", "soon"})), {"--camera-late", "soon"});
   expect_refused(pirt(arguments({"--serial", "--mode", "ect"})), {"--serial"});
+  expect_refused(pirt(arguments({"--serial", "--slices", "off"})), {"--serial", "--slices"});
+  expect_refused(pirt(live({"--strict"})), {"--strict", "--profile"});
   expect_refused(pirt(arguments({"--serial", "--compare"})), {"--serial"});
   expect_refused(pirt(live({"--compare", "--mode", "ect"})), {"--compare"});
   expect_refused(pirt(live({"--compare", "--trace", scratch_.file("t.json")})), {"--compare"});

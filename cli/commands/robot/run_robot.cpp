@@ -367,8 +367,9 @@ void add_run_robot(CLI::App& app, Action& action) {
   add_json(command, options->json);
   // --serial runs without the runtime, --compare has that run in it and more than one besides.
   command.option("--no-map").excludes(command.option("--load-slam-map"));
+  command.option("--strict").needs(command.option("--profile"));
   for (const auto* name : {"--mode", "--platform", "--profile", "--set", "--in-flight", "--trace",
-                           "--strict", "--workloads"})
+                           "--strict", "--workloads", "--slices"})
     command.option("--serial").excludes(command.option(name));
   for (const auto* name : {"--serial", "--mode", "--trace", "--trajectory", "--plot",
                            "--save-slam-map", "--scenes", "--record"})

@@ -53,6 +53,16 @@ TEST(Dispatcher, AHeldClassDoesNotBlockAnother) {
   EXPECT_EQ(script.complete(kCpu, 3), "C4");
 }
 
+TEST(Dispatcher, FailsAtOnceWhatItsPolicyWouldGiveToNobody) {
+  Script script = throughput(1, 0, 1);
+  const TaskClass dsp_only{.eligible = unit_bit(kDsp)};  // Which has no weight.
+  EXPECT_EQ(script.submit(1, dsp_only), "x1");
+  EXPECT_EQ(script.submit(2, kPlain), "G2");
+  EXPECT_EQ(script.submit(3, dsp_only, {2}), "");
+  EXPECT_EQ(script.submit(4, kPlain, {3}), "");
+  EXPECT_EQ(script.complete(kGpu, 2), "x3 -4");
+}
+
 TEST(Dispatcher, Algorithm1IgnoresLoadSoThatASlowUnitCollects) {
   // Cycle G D C: tasks 2 and 5 are the DSP's, and 5 waits behind 2 although GPU and CPU are idle.
   Script script(policy_of("latency", setup_of(1, 1, 0)), {1, 1, 1, {}});

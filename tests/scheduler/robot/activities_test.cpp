@@ -85,7 +85,7 @@ void expect_done(const Activities& activities, std::size_t poses) {
   }
   const auto plans = find(activities.counts(), "plan_path");
   EXPECT_EQ(static_cast<std::size_t>(plans.fired + plans.skipped), poses);
-  EXPECT_EQ(activities.paths_found(), plans.completed);
+  EXPECT_EQ(activities.plans().found, plans.completed);
   const auto [before, after] = activities.adjusted();
   EXPECT_EQ(before.size(),
             5 * static_cast<std::size_t>(find(activities.counts(), "bundle_adjust").completed));
@@ -95,8 +95,8 @@ void expect_done(const Activities& activities, std::size_t poses) {
     EXPECT_LT((after[i].body.position - before[i].body.position).norm(), 0.05);
   }
   // The goal is across the room.
-  EXPECT_GT(activities.last_path_m(), 2.0);
-  EXPECT_LT(activities.last_path_m(), 16.0);
+  EXPECT_GT(activities.plans().last_m, 2.0);
+  EXPECT_LT(activities.plans().last_m, 16.0);
 }
 
 std::size_t poses_of(const LocalizationResult& result) { return result.run.trajectory().size(); }
@@ -184,7 +184,7 @@ TEST(Activities, ThePlansAreThoseOfTheTrueWay) {
   const auto from =
       map.nearest_passable(planning.map.cell_of({truth->position.x(), truth->position.y()}));
   const auto path = planning::PathPlanner(map).plan(*from, planning.map.cell_of(planning.goal));
-  EXPECT_NEAR(activities.last_path_m(), path.length * planning.map.resolution, 0.25);
+  EXPECT_NEAR(activities.plans().last_m, path.length * planning.map.resolution, 0.25);
 }
 
 recognition::ModelOptions model_in(const std::filesystem::path& folder, const char* weights,
@@ -235,6 +235,26 @@ TEST(Activities, AUsersModelsTakeThePlaceOfSeededOnes) {
     all.push_back(scenes.at(0));
   }
   EXPECT_EQ(all[0], all[1]);
+}
+
+// From which their time limits follow.
+TEST(Activities, AUsersModelsSayWhatTheirCallsTake) {
+  PIRT_DATA_OR_SKIP(yolo, "yolo-fastest-1.1");
+  ActivityOptions activities;
+  activities.width = 320;
+  activities.height = 240;
+  activities.keyframes = 0;
+  activities.model = model_in(yolo, ".weights", ".cfg");
+  RuntimeOptions options;
+  options.platform = parse_platform("test.yaml", kTwoUnits, {}, 2);
+  Activities(activities).list_workloads(options);
+  ASSERT_EQ(options.workloads.size(), 2U);
+  for (const ServedWorkload& each : options.workloads) {
+    const auto& own = std::get<OwnWorkload>(each);
+    SCOPED_TRACE(own.name);
+    EXPECT_GT(own.expected.at("cpu"), Nanos::zero());
+    EXPECT_EQ(own.expected.at("gpu"), own.expected.at("cpu"));
+  }
 }
 
 /// Computes nothing.

@@ -1,5 +1,5 @@
 // Localization through the runtime: the same bits as the serial run, whatever the mode and the
-// units, and what becomes of frames when something goes wrong. No test looks at how long anything
+// units, and what becomes of frames when something goes wrong. No test fails for how long anything
 // took.
 #include "scheduler/robot/localization.h"
 
@@ -8,14 +8,19 @@
 #include <filesystem>
 #include <latch>
 #include <memory>
+#include <semaphore>
 #include <stop_token>
+#include <thread>
 
 #include "scheduler/trace/replay.h"
 #include "tests/scheduler/support.h"
+#include "tests/scheduler/trace_log.h"
 #include "tests/support/data.h"
 #include "tests/support/optional_backend.h"
 #include "tests/workloads/inputs/sequence_support.h"
+#include "workloads/inputs/sequence/stamps.h"
 #include "workloads/mapping/keyframes.h"
+#include "workloads/model/host_function.h"
 #include "workloads/model/slices.h"
 #include "workloads/slam/run/map_file.h"
 #include "workloads/slam/workload/state_tensors.h"
@@ -403,6 +408,91 @@ TEST(Localization, StoppedTwiceItWaitsForNothing) {
   const auto result = localize_live(sequence, options);
   EXPECT_TRUE(result.stopped);
   EXPECT_EQ(result.arrived, result.run.frames.size() + result.failed);
+}
+
+/// Has a kernel that is prepared until somebody asks whether to stop.
+class SlowToPrepare final : public Companion {
+ public:
+  void list_workloads(RuntimeOptions& options) const override {
+    Workload workload;
+    workload.name = "slow";
+    workload.kernel = "bundle_adjust";
+    auto function = std::make_shared<HostFunction>();
+    function->prepare = [asked = asked_](std::span<const Tensor>) -> KernelFunction {
+      static_cast<void>(asked->try_acquire_for(std::chrono::seconds(5)));
+      return [](auto, auto) {};
+    };
+    workload.operation = std::move(function);
+    workload.make_data = [](const DataRequest&) { return Data(); };
+    options.workloads.emplace_back(std::move(workload));
+  }
+  void begin(Caller&) override {}
+  void arrived(Nanos, const GreyImage&) override {}
+  void localized(const slam::FrameResult&, const std::function<slam::State()>&) override {}
+  int stop() {
+    asked_->release(2);  // Both units.
+    return 1;
+  }
+
+ private:
+  std::shared_ptr<std::counting_semaphore<>> asked_ =
+      std::make_shared<std::counting_semaphore<>>(0);
+};
+
+TEST(Localization, StoppedWhileItsUnitsArePreparedItDoesNotBegin) {
+  const auto sequence = small(1.0);
+  auto options = options_of(sequence);
+  SlowToPrepare slow;
+  options.companion = &slow;
+  options.stops = [&] { return slow.stop(); };
+  try {
+    static_cast<void>(localize_live(sequence, options));
+    ADD_FAILURE() << "it has begun";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kEnvironment);
+    EXPECT_THAT(error.what(), HasSubstr("interrupted while unit"));
+  }
+}
+
+constexpr Nanos kHeld = std::chrono::milliseconds(50);
+
+/// The first frame does not end before the second one has waited for that so long.
+class HoldingTheFirst final : public Companion {
+ public:
+  void list_workloads(RuntimeOptions&) const override {}
+  void begin(Caller&) override {}
+  void arrived(Nanos, const GreyImage&) override {
+    if (++arrived_ != 2) return;
+    std::this_thread::sleep_for(kHeld);
+    go_.count_down();
+  }
+  void localized(const slam::FrameResult&, const std::function<slam::State()>&) override {
+    go_.wait();
+  }
+  [[nodiscard]] int stops() const { return arrived_ >= 2 ? 1 : 0; }
+
+ private:
+  std::atomic<int> arrived_ = 0;
+  std::latch go_{1};
+};
+
+TEST(Localization, StepsAreDueWhenTheNextFrameComesHoweverLateTheyBegin) {
+  const test::ScratchFolder folder;
+  const auto sequence = small(1.0);
+  auto options = options_of(sequence);
+  HoldingTheFirst holding;
+  options.companion = &holding;
+  options.stops = [&] { return holding.stops(); };
+  options.runtime.trace = (folder.path() / "trace.json").string();
+  EXPECT_EQ(localize_live(sequence, options).run.frames.size(), 2U);
+  const auto log = test::load_trace_log(*options.runtime.trace);
+  const LogEntry* last = nullptr;  // Of the second frame.
+  for (const LogEntry& each : log.entries) {
+    if (each.input.kind == DispatcherInput::Kind::kSubmit) last = &each;
+  }
+  ASSERT_NE(last, nullptr);
+  EXPECT_LE(last->tasks.at(0).deadline.value() - last->input.now,
+            usual_step(stamps_of(sequence.frames)) - kHeld);
 }
 
 struct Held {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tests/scheduler/support.h"
+#include "tests/support/optional_backend.h"
 
 namespace pirt::test {
 namespace {
@@ -60,6 +61,21 @@ TEST(LiveUnits, ACallDoesNotRunWhileTheProcessStandsStill) {
   pass(2ms);
   units.look_for_hung(clock.now());
   EXPECT_EQ(driver.given_up, 1);
+}
+
+// What is elsewhere is looked for more rarely than that.
+TEST(LiveUnits, LookForCallsThatHangAsOftenBesideACloud) {
+  PIRT_BACKEND_OR_SKIP("nats");
+  static Workload workload;
+  workload.name = "any";
+  const auto platform = platform_of(
+      "platform: far\nunits: {cloud: {role: cloud, backend: nats, active_w: 1, "
+      "server: \"nats://127.0.0.1:1\"}}\n");
+  Driver driver;
+  driver.prepared = {.workload = &workload, .sample = nullptr, .function = [](auto, auto) {}};
+  LiveUnits units(platform, {.time_limit = 5ms}, driver);
+  units.open();
+  EXPECT_LE(units.look_every(), 5ms);
 }
 
 }  // namespace

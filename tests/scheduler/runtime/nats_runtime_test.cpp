@@ -109,6 +109,22 @@ TEST_F(RuntimeElsewhereLater, TakesInAWorkerThatStartsAfterIt) {
   EXPECT_EQ(runtime.statistics().returned, 0);
 }
 
+// Nothing runs as the server goes, so that nobody has looked when the next task comes.
+TEST_F(RuntimeElsewhereLater, GivesNothingToWhatWentWhileNothingRan) {
+  start_server();
+  start_worker("worker", find_workload("pool5"));
+  Runtime runtime(options_of(server_.url()));
+  ASSERT_TRUE(comes_into_service(runtime));
+  const cloud::Connection beside({.server = server_.url()}, {});
+  ASSERT_TRUE(cloud::test::eventually([&] { return beside.is_up(); }));
+  server_.kill();
+  ASSERT_TRUE(cloud::test::eventually([&] { return !beside.is_up(); }));
+  std::this_thread::sleep_for(200ms);  // The runtime's own thread hears of it, too.
+  const TaskFuture task = submit(runtime);
+  EXPECT_EQ(task.wait_for(10s), TaskEnd::kCompleted);
+  EXPECT_EQ(task.unit(), "cpu");
+}
+
 // Nobody else may serve it, so that it is not wanted back before its deadline, which is over.
 TEST_F(RuntimeElsewhereLater, AWorkerComputesWhatIsLateAndNobodyElseWouldTake) {
   start_server();

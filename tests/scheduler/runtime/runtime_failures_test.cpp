@@ -15,6 +15,19 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
+constexpr const char* kCpuAndCloud = R"(
+platform: two
+units:
+  cpu: {backend: fake, slots: 1, active_w: 1}
+  cloud: {backend: fake, role: cloud, active_w: 1}
+)";
+
+OwnWorkload adding_everywhere() {
+  OwnWorkload add = adding();
+  add.kernels = {{"fake", add.kernels.at("cpu")}};
+  return add;
+}
+
 TEST(Runtime, AKernelThatThrowsFailsByNameAndItsSuccessorsAreDropped) {
   Runtime runtime(options_with(
       {own("fails", 1, [](auto, auto) { throw std::runtime_error("no luck"); }), adding()}));
@@ -46,6 +59,12 @@ TEST(Runtime, SaysHowLongAFunctionMayTakeThatSaysNothing) {
   { const Runtime runtime(options); }
   EXPECT_THAT(said, testing::Contains(HasSubstr("add on gpu does not say what it is expected to "
                                                 "take: a call that has not ended after 10 s")));
+  said.clear();
+  options.platform = parse_platform("test.yaml", kCpuAndCloud, {}, 2);
+  options.workloads = {adding_everywhere()};
+  { const Runtime runtime(options); }
+  EXPECT_THAT(said, testing::Contains(HasSubstr("add on cpu does not say")));
+  EXPECT_THAT(said, testing::Not(testing::Contains(HasSubstr("add on cloud does not say"))));
   said.clear();
   options.time_limit = std::chrono::seconds(1);
   { const Runtime runtime(options); }
@@ -96,6 +115,91 @@ TEST(Runtime, AUnitThatCannotRunOneWorkloadStillRunsTheOthers) {
   const auto statistics = runtime.statistics();
   EXPECT_TRUE(statistics.units[0].in_service);
   EXPECT_LE(statistics.returned, runtime::kMostReturns);
+}
+
+TEST(Runtime, RefusesATaskThatItsModeWouldGiveToNobody) {
+  const auto refused = [](RuntimeOptions options, const char* mode, TaskOptions task) {
+    options.mode = mode;
+    Runtime runtime(std::move(options));
+    return bad_input([&] { runtime.submit("add", {number(1), number(2)}, task); });
+  };
+  const auto beside_cloud = options_with({adding_everywhere()}, kCpuAndCloud);
+  EXPECT_THAT(refused(beside_cloud, "ect", {.eligible = {"cloud"}}),
+              HasSubstr("add: mode ect would never place this task: only cloud may serve it"));
+  for (const char* mode : {"advanced", "budget"}) {
+    EXPECT_THAT(refused(beside_cloud, mode, {.real_time = true, .eligible = {"cloud"}}),
+                HasSubstr("would never place this task, which is real-time"));
+  }
+  OwnWorkload slow_here = adding();
+  slow_here.expected = {{"cpu", 20ms}, {"gpu", 1ms}};  // A tenth of the fastest has no weight.
+  EXPECT_THAT(refused(options_with({slow_here}), "throughput", {.eligible = {"cpu"}}),
+              HasSubstr("mode throughput would never place"));
+}
+
+// What comes later is no worse off than the first ones.
+TEST(Runtime, WhatTheOnlyUnitThatTheModeUsesGivesBackFailsHoweverOften) {
+  const auto gives_back = [](auto, auto) { throw_environment("not this one"); };
+  const auto adds = adding().kernels.at("cpu");
+  OwnWorkload picky = adding();
+  picky.name = "picky";
+  picky.kernels = {{"cpu", gives_back}, {"cloud", adds}};
+  OwnWorkload slow_here = adding();
+  slow_here.name = "picky";
+  slow_here.kernels = {{"cpu", adds}, {"gpu", gives_back}};
+  slow_here.expected = {{"cpu", 20ms}, {"gpu", 1ms}};
+  auto throughput = options_with({slow_here, adding()});
+  throughput.mode = "throughput";
+  for (const auto& options : {options_with({picky, adding()}, kCpuAndCloud), throughput}) {
+    SCOPED_TRACE(options.mode);
+    Runtime runtime(options);
+    for (int i = 0; i < 2 * runtime::kMostReturns; ++i) {
+      const auto task = runtime.submit("picky", {number(1), number(2)});
+      ASSERT_EQ(task.wait_for(20s), TaskEnd::kFailed) << i;
+      EXPECT_THAT(task.problem(), HasSubstr("not this one"));
+    }
+    EXPECT_EQ(runtime.submit("add", {number(1), number(2)}).wait(), TaskEnd::kCompleted);
+  }
+}
+
+TEST(Runtime, WhatIsNotRealTimeMayBeTheCloudsAlone) {
+  OwnWorkload far = adding();
+  far.name = "far";
+  far.kernels = {{"cloud", far.kernels.at("cpu")}};
+  for (const char* mode : {"advanced", "budget"}) {
+    auto options = options_with({far}, kCpuAndCloud);
+    options.mode = mode;
+    Runtime runtime(std::move(options));
+    const auto task = runtime.submit("far", {number(1), number(2)});
+    EXPECT_EQ(value_of(task.get()), 3);
+    EXPECT_EQ(task.unit(), "cloud");
+    EXPECT_THAT(bad_input([&] {
+                  runtime.submit("far", {number(1), number(2)}, {.real_time = true});
+                }),
+                HasSubstr("real-time"));
+  }
+  auto options = options_with({far}, kCpuAndCloud);
+  options.mode = "ect";
+  EXPECT_THAT(refusal(std::move(options)), HasSubstr("can serve far"));
+}
+
+// The cpu, which is the first, is held until a task has ended elsewhere.
+TEST(Runtime, ModeBudgetGivesTheCloudWhatIsNotRealTimeAlone) {
+  std::counting_semaphore<> go(0);
+  OwnWorkload waits = own("waits", 1, {});
+  waits.kernels = {{"cpu", [&](auto, auto) { go.acquire(); }}, {"cloud", [](auto, auto) {}}};
+  auto options = options_with({waits}, kCpuAndCloud);
+  options.mode = "budget";
+  Runtime runtime(std::move(options));
+  const auto here = runtime.submit("waits", {number(1)}, {.real_time = true});
+  const auto urgent = runtime.submit("waits", {number(1)}, {.real_time = true});
+  const auto there = runtime.submit("waits", {number(1)});
+  EXPECT_EQ(there.wait_for(20s), TaskEnd::kCompleted);
+  EXPECT_EQ(there.unit(), "cloud");
+  go.release(3);
+  for (const TaskFuture& task : {here, urgent}) {
+    EXPECT_EQ(task.wait(), TaskEnd::kCompleted);
+    EXPECT_EQ(task.unit(), "cpu");
+  }
 }
 
 TEST(Runtime, WhatAUnitGaveBackTooOftenItIsAskedForAgainOnceBroughtBack) {
@@ -164,6 +268,23 @@ units: {cpu: {backend: fake, slots: 2, active_w: 1}}
   EXPECT_EQ(behind.wait(), TaskEnd::kCancelled);
   EXPECT_TRUE(freed.try_acquire_for(20s));
   EXPECT_EQ(hung.wait(), TaskEnd::kFailed);
+}
+
+// Calls that a hung one kept from beginning are given back by nobody.
+TEST(Runtime, WhatWaitedBehindAHungCallCountsAgainstNoUnit) {
+  static std::binary_semaphore never(0);  // Static: the call never comes back.
+  auto options = options_with({own("hangs", 1, [](auto, auto) { never.acquire(); }), adding()},
+                              R"(
+platform: one
+units: {cpu: {backend: fake, slots: 4, active_w: 1}}
+)");
+  options.time_limit = 100ms;
+  Runtime runtime(std::move(options));
+  runtime.submit("hangs", {number(1)});
+  for (int i = 0; i < runtime::kMostReturns; ++i) runtime.submit("add", {number(1), number(2)});
+  runtime.wait_all();
+  EXPECT_THAT(runtime.statistics().problems,
+              testing::Not(testing::Contains(HasSubstr("not asked for add"))));
 }
 
 TEST(Runtime, AUnitThatWasLostCanBeBroughtBack) {

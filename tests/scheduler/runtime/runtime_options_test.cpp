@@ -1,4 +1,6 @@
 // What a runtime is made of, and what it refuses: workloads, profiles, states, units.
+#include <semaphore>
+
 #include "scheduler/runtime/runtime.h"
 #include "tests/scheduler/runtime/runtime_support.h"
 #include "tests/support/paths.h"
@@ -66,6 +68,30 @@ TEST(Runtime, PreparesWithInputsLikeThoseToCome) {
   given->clear();
   Runtime runtime(std::move(lazy));
   EXPECT_EQ(*given, std::vector<double>());
+}
+
+// Its one kernel is prepared until somebody asks whether to go on.
+TEST(Runtime, ItsStartEndsOnceNobodyWantsIt) {
+  static std::counting_semaphore<> asked(0);  // Static: its thread may outlive the test.
+  Workload slow = doubling(std::make_shared<std::vector<double>>());
+  auto function = std::make_shared<HostFunction>();
+  function->prepare = [](std::span<const Tensor>) -> KernelFunction {
+    static_cast<void>(asked.try_acquire_for(5s));
+    return [](auto, auto) {};
+  };
+  slow.operation = std::move(function);
+  RuntimeOptions options = options_with({slow}, kOneUnit);
+  options.stop = [] {
+    asked.release();
+    return true;
+  };
+  try {
+    const Runtime runtime(std::move(options));
+    ADD_FAILURE() << "it has started";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kEnvironment);
+    EXPECT_THAT(error.what(), HasSubstr("interrupted while unit cpu was being prepared"));
+  }
 }
 
 TEST(Runtime, MakesNoInputsThatItDoesNotUse) {
@@ -144,7 +170,8 @@ TEST(Runtime, NeverTakesTheRowsOfAnotherSize) {
     return options;
   };
   EXPECT_THAT(refusal(options_for(profile_of_sobel(true, true))),
-              AllOf(HasSubstr("no rows of sobel in this size"), HasSubstr("sobel@64x48")));
+              AllOf(HasSubstr("no rows of sobel in this size"),
+                    HasSubstr("pirt characterize --platform two --filter '^(sobel@64x48)$' --db")));
   Profile measured = profile_of_sobel(true, true);
   for (PhaseRow& row : measured.phases) row.workload = "sobel@64x48";
   Runtime runtime(options_for(measured));

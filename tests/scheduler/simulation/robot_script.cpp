@@ -306,7 +306,9 @@ class Robot {
     Entry& entry = entries_.emplace_back();
     entry.workload = "go";
     entry.value = value_of("go", {});
-    submit(entry, {}, {});
+    TaskOptions options;
+    if (ends_ && script_.draw(2)) options.eligible = {"cloud"};
+    submit(entry, {}, std::move(options));
   }
 
   void told(Entry& entry, const TaskFuture& task, TaskEnd end) {
@@ -321,7 +323,7 @@ class Robot {
       world_.fail("nobody says why a task of " + entry.workload + " was " +
                   std::string(to_string(end)));
     }
-    if (script_.draw(8)) submit_within();
+    if (script_.draw(ends_ ? 2 : 8)) submit_within();
     if (script_.draw(16)) cancel(any(random_));
     if (script_.draw(16)) throw std::runtime_error("on purpose");
   }
@@ -410,6 +412,10 @@ class Robot {
       if (future.valid() && random_.below(2) == 0) outlive.push_back(future);
     }
     world_.note("the runtime ends");
+    if (how <= 1) {  // What only the cloud may serve is cancelled, also if it is submitted now.
+      script_.lose_the_way();
+      ends_ = true;
+    }
     owned_.reset();
     for (const TaskFuture& each : outlive) {
       if (!each.end()) world_.fail("a task has no end, and its runtime has ended");
@@ -483,6 +489,7 @@ class Robot {
   runtime::Mutex futures_;  ///< Of these.
   std::int64_t inputs_ = 0, submitted_ = 0, refused_ = 0;
   int actions_ = 0;
+  bool ends_ = false;  ///< While the cloud is out of reach.
   std::optional<Runtime> owned_;
   Runtime* runtime_ = nullptr;  ///< Used by callbacks until it has ended.
 };

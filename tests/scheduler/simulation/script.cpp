@@ -1,5 +1,6 @@
 #include "tests/scheduler/simulation/script.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <vector>
 
@@ -98,6 +99,11 @@ void Script::release_hung() {
 }
 
 bool Script::is_away() const { return world_.now() >= away_from_ && world_.now() < away_until_; }
+
+void Script::lose_the_way() {
+  away_from_ = std::min(away_from_, world_.now());
+  away_until_ = Nanos::max();
+}
 
 std::uint64_t Script::heard() const {
   return world_.now() < away_from_ ? 1 : world_.now() < away_until_ ? 2 : 3;

@@ -59,6 +59,8 @@ class Script {
 
   // The way to what computes elsewhere.
   [[nodiscard]] bool is_away() const;
+  /// From now on, for good.
+  void lose_the_way();
   [[nodiscard]] std::uint64_t heard() const;
 
  private:
