@@ -63,7 +63,8 @@ void Ledger::open() {
     throw_bad_input(
         fmt::format("ledger '{}' is no file; name another with --ledger", path_.string()));
   }
-  if (::flock(fd_, LOCK_EX | LOCK_NB) != 0) {
+  // A file system without locks: then nobody can have it either.
+  if (::flock(fd_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
     ::close(fd_);
     throw_bad_input(fmt::format(
         "ledger '{}' is in use by another pirt; wait for it, or name another with --ledger",

@@ -1,6 +1,7 @@
 #include "characterize/profile/identity.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>

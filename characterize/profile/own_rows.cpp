@@ -54,9 +54,10 @@ void learn_workloads(const Profile& profile) {
 
 std::set<std::string> measured_of(const Profile& profile, const std::string& file,
                                   const std::string& digest) {
-  std::set<std::string> names;
+  std::set<std::string> names, seen;
   for (const RunInfo& run : profile.runs) {
     for_each_definition(run, [&](const own::Definition& definition) {
+      if (!seen.insert(definition.name).second) return;  // It is where the newest run has it.
       if (definition.source == file || definition.digest == digest) names.insert(definition.name);
     });
   }

@@ -25,7 +25,8 @@ void learn_workloads(const Profile& profile);
 /// A doubt of rows: their code was built anew since they were measured.
 inline constexpr const char* kChanged = "changed";
 
-/// The workloads that the profile has measured of @p file, or of one that held the same elsewhere.
+/// The workloads that the profile has measured of @p file, or of one that held the same elsewhere,
+/// and of no other since.
 [[nodiscard]] std::set<std::string> measured_of(const Profile& profile, const std::string& file,
                                                 const std::string& digest);
 

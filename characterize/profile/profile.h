@@ -49,6 +49,7 @@ struct PhaseRow {
   // ProfileReader::read_samples.
   std::vector<Nanos> values;
   std::vector<std::int32_t> value_processes;
+  std::vector<std::int64_t> pooled_runs = {};  ///< Others whose samples were added to these.
 
   /// Whether the figure repeats exactly, so that one sample is all there is to know.
   [[nodiscard]] bool is_deterministic() const;
@@ -88,7 +89,7 @@ struct EnergyRow {
 /// calls.
 struct UnitTimeRow {
   std::int64_t run_id = 0;
-  std::string unit;
+  std::string unit, backend;
   UnitPhase phase = UnitPhase::kHandover;
   /// It had nothing to do for so long; a hand-over after 0 is from the end of one call to the
   /// beginning of the next, which waits.
@@ -166,8 +167,9 @@ struct Profile {
   std::vector<PhaseRow> conditions;
   /// For each unit: the newest run's that has any, by phase and sleep.
   std::vector<UnitTimeRow> unit_times;
-  std::vector<EnergyRow> energies;  ///< For each (workload, unit): as `phases`.
-  std::vector<PeakRow> peaks;       ///< For each (unit, kind): the newest run's row.
+  std::vector<EnergyRow> energies;     ///< For each (workload, unit): as `phases`.
+  std::vector<PeakRow> peaks;          ///< For each (unit, kind): the newest run's row.
+  std::vector<PeakRow> earlier_peaks;  ///< Those of the runs before.
 
   /// Null if there is no such row.
   [[nodiscard]] const PhaseRow* find(std::string_view workload, std::string_view unit, Phase phase,

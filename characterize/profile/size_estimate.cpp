@@ -22,15 +22,15 @@ constexpr std::array kPhasesOfCall = {Phase::kUpload, Phase::kLaunch, Phase::kEx
 using own::plain_name;
 using own::size_in;
 
-/// Of the first output, or, where that is a list, which is as long at any size, of the first input;
-/// of a foreign workload, whose outputs nobody knows, of a picture of its size. Absent where that
-/// is not known either.
-std::optional<double> elements_of(const std::string& workload) {
+/// Of the first output, or, where that is a list, which is as long at any size, or @p by_inputs, of
+/// the first input; of a foreign workload, whose outputs nobody knows, of a picture of its size.
+/// Absent where that is not known either.
+std::optional<double> elements_of(const std::string& workload, bool by_inputs) {
   const auto spec = try_find_spec(workload);
   if (spec && !spec->outputs.empty()) {
     const TensorSpec& output = spec->outputs.front();
-    const bool is_list = output.varies && !spec->inputs.empty();
-    return static_cast<double>((is_list ? spec->inputs.front() : output).count());
+    const bool by_input = (by_inputs || output.varies) && !spec->inputs.empty();
+    return static_cast<double>((by_input ? spec->inputs.front() : output).count());
   }
   const auto size = size_in(workload);
   if (!size) return std::nullopt;
@@ -75,7 +75,7 @@ std::vector<SizedTime> times_of(const Profile& profile, const SizeGap& gap, Phas
   std::vector<SizedTime> times;
   for (const std::string& other : gap.others) {
     const PhaseRow& row = *usable_row(profile, other, gap.unit, phase);
-    times.push_back({*elements_of(other), to_s(*row.median)});
+    times.push_back({*elements_of(other, gap.by_inputs), to_s(*row.median)});
   }
   return times;
 }
@@ -95,7 +95,7 @@ std::vector<Phase> phases_of(const Profile& profile, const SizeGap& gap) {
 
 PhaseRow estimated_row(const Profile& profile, const SizeGap& gap, Phase phase) {
   const auto times = times_of(profile, gap, phase);
-  const Nanos middle = from_s(fit_sizes(times).at(*elements_of(gap.workload)));
+  const Nanos middle = from_s(fit_sizes(times).at(*elements_of(gap.workload, gap.by_inputs)));
   double error = log_error_of_fit(times);
   double tail = 1;                  // p95 over median
   std::vector<std::string> doubts;  // What is doubted of them is of what follows from them.
@@ -131,10 +131,10 @@ PhaseRow estimated_row(const Profile& profile, const SizeGap& gap, Phase phase) 
 }
 
 std::string why_no_estimate(const SizeGap& gap) {
-  const auto elements = elements_of(gap.workload);
+  const auto elements = elements_of(gap.workload, gap.by_inputs);
   std::vector<double> sizes;
   for (const std::string& other : gap.others) {
-    const double size = *elements_of(other);
+    const double size = *elements_of(other, gap.by_inputs);
     if (sizes.empty() || sizes.back() != size) sizes.push_back(size);
   }
   if (sizes.size() < kLeastSizes) {
@@ -199,14 +199,18 @@ std::vector<SizeGap> size_gaps(const Profile& profile, const std::vector<std::st
       SizeGap gap{.workload = workload, .unit = unit, .others = {}, .why_not = {}};
       for (const std::string& other : known) {
         const bool sized = other == plain_name(other) || size_in(other);
-        if (sized && plain_name(other) == plain_name(workload) && elements_of(other) &&
+        if (sized && plain_name(other) == plain_name(workload) && elements_of(other, false) &&
             usable_row(profile, other, unit, Phase::kCall) != nullptr) {
           gap.others.push_back(other);
         }
       }
       if (gap.others.empty()) continue;
-      std::ranges::stable_sort(gap.others, {},
-                               [](const std::string& other) { return *elements_of(other); });
+      gap.by_inputs = std::ranges::all_of(gap.others, [&workload](const std::string& other) {
+        return elements_of(other, false) == elements_of(workload, false);
+      });
+      std::ranges::stable_sort(gap.others, {}, [&gap](const std::string& other) {
+        return *elements_of(other, gap.by_inputs);
+      });
       gap.why_not = why_no_estimate(gap);
       gaps.push_back(std::move(gap));
     }

@@ -44,6 +44,7 @@ struct SizeGap {
   std::string workload, unit;
   std::vector<std::string> others;  ///< Workloads whose rows it has, sizes rising.
   std::string why_not;              ///< Why there can be no estimate; empty if there can.
+  bool by_inputs = false;           ///< The sizes are those of inputs: outputs are alike in all.
 };
 
 /// Of @p workloads those with a size that a unit has no rows of.

@@ -18,14 +18,9 @@ namespace {
   throw_bad_input(table.place() + ": " + problem);
 }
 
-std::string filled(const CsvTable& table, std::string_view column) {
+std::string named(const CsvTable& table, std::string_view column) {
   std::string value = table.text(column);
   if (value.empty()) refuse_row(table, std::string(column) + " is empty");
-  return value;
-}
-
-std::string named(const CsvTable& table, std::string_view column) {
-  std::string value = filled(table, column);
   if (!name_of(value).empty()) return value;
   refuse_row(table, fmt::format("{} '{}' has no letter or digit to be called by", column, value));
 }
@@ -49,7 +44,7 @@ std::vector<Row> rows_of(const std::string& file, const std::string& text) {
     if (const std::string problem = table.misfit(); !problem.empty()) refuse_row(table, problem);
     Row row{.edition = table.text("readme_version"),
             .soc = named(table, "soc"),
-            .unit = filled(table, "unit"),
+            .unit = named(table, "unit"),
             .network = named(table, "network"),
             .range = "",
             .threads =
@@ -98,7 +93,13 @@ Publication read_ncnn(const std::string& file, const std::string& text) {
                                     .facts = {}});
     }
     PublishedBoard& board = publication.boards[at->second];
-    const std::string unit = is_gpu(row) ? "gpu" : "cpu";
+    std::string unit = is_gpu(row) ? "gpu" : "cpu";
+    const auto first = std::ranges::find(board.units, unit, &PublishedUnit::name);
+    // Another cluster of cores, or another GPU.
+    if (first != board.units.end() && !first->device.starts_with(row.unit + ",")) {
+      unit = name_of(row.unit, '_');
+      if (unit == first->name) unit += "_2";
+    }
     add_unit(board, {.name = unit,
                      .device = fmt::format("{}, {} thread{}", row.unit, row.threads,
                                            row.threads == 1 ? "" : "s"),

@@ -22,6 +22,7 @@ constexpr std::int64_t kMostCallsAtOnce = 100'000;
 constexpr std::int64_t kMostAskedAtOnce = 16;
 constexpr double kClockShare = 0.001;                     // what the clock may cost within a sample
 constexpr double kClockBoundShare = 0.01;                 // what invalidates
+constexpr double kClockTimes = 1.01 / kClockBoundShare;   // of its doubt, in a batch: a little more
 constexpr std::int64_t kMostSimulatedWarmUpCalls = 1000;  // they may take no time at all
 constexpr int kMachineSlices = 40;         // of the machine's time, for a device that is slow on it
 constexpr std::size_t kEstimateCalls = 5;  // of the warm-up's end, for the size of batches
@@ -126,21 +127,28 @@ class Sampler {
   void warm_up(const SamplingOptions& options) {
     const bool simulated = quality_.cost_ns == 0;
     std::vector<CallTimes> latest;
+    CallTimes sum;
+    std::int64_t calls = 0;
     const Nanos start = clock_.now();
-    for (std::int64_t calls = 0;
-         calls < options.warm_up_calls || (clock_.now() - start < options.warm_up &&
-                                           !(simulated && calls == kMostSimulatedWarmUpCalls));
+    for (; calls < options.warm_up_calls || (clock_.now() - start < options.warm_up &&
+                                             !(simulated && calls == kMostSimulatedWarmUpCalls));
          ++calls) {
       if (latest.size() == kEstimateCalls) latest.erase(latest.begin());
       latest.push_back(timed_call());
+      for (const auto part :
+           {&CallTimes::upload, &CallTimes::execute, &CallTimes::download, &CallTimes::call}) {
+        sum.*part += latest.back().*part;
+      }
       if (sequence_.next) sequence_.next();
       if (clocks_.on_sample) clocks_.on_sample(0);
     }
     if (latest.empty()) return;
-    const auto estimate = [&latest](Nanos CallTimes::*member) {
+    // Single calls tell nothing where the clock stands still meanwhile; all together do.
+    const auto estimate = [&](Nanos CallTimes::*member) {
       std::vector<Nanos> times;
       for (const CallTimes& call : latest) times.push_back(call.*member);
-      return median(times);
+      const Nanos typical = median(times);
+      return typical < quality_.resolution ? std::max(typical, sum.*member / calls) : typical;
     };
     plan_.call = batch(estimate(&CallTimes::call));
     plan_.upload = own_batch(Phase::kUpload, estimate(&CallTimes::upload));
@@ -238,24 +246,29 @@ class Sampler {
   /// A batch's phases cannot be told apart by several clocks.
   [[nodiscard]] std::int64_t batch(Nanos estimate) const {
     if (quality_.cost_ns <= 0 || is_mixed()) return 1;
-    return sequence_.frames > 1 ? fewest_calls(estimate) : batch_size(estimate);
+    return sequence_.frames > 1 ? fewest_calls(estimate) : batch_size(estimate, quality_);
   }
 
   /// Of a sequence: a kernel may keep what it made of the frame before (plan_path its map), so that
   /// calls on one frame again and again are not those of a robot.
   [[nodiscard]] std::int64_t fewest_calls(Nanos estimate) const {
-    const double least_ns = quality_.cost_ns / kClockShare;
+    const double least_ns =
+        std::max(quality_.cost_ns / kClockShare,
+                 static_cast<double>(quality_.resolution.count()) * kClockTimes);
     const auto call_ns = static_cast<double>(std::max<std::int64_t>(1, estimate.count()));
-    return std::min(batch_size(estimate), static_cast<std::int64_t>(std::ceil(least_ns / call_ns)));
+    return std::min(batch_size(estimate, quality_),
+                    static_cast<std::int64_t>(std::ceil(least_ns / call_ns)));
   }
 
   /// Phases that are long against the clock are timed within single calls, where they belong
   /// together; the others on their own.
   [[nodiscard]] std::int64_t own_batch(Phase phase, Nanos estimate) const {
-    const double cost_ns = quality_of(phase).cost_ns;
-    const bool clock_shows = cost_ns > kClockShare * static_cast<double>(estimate.count());
+    const ClockQuality& quality = quality_of(phase);
+    const bool clock_shows =
+        quality.cost_ns > kClockShare * static_cast<double>(estimate.count()) ||
+        is_clock_bound(estimate, 1, quality);
     if (plan_.call == 1 && !clock_shows) return 0;
-    return cost_ns > 0 ? batch_size(estimate) : 1;
+    return quality.cost_ns > 0 ? batch_size(estimate, quality) : 1;
   }
 
   CallTimes timed_call() {
@@ -402,6 +415,29 @@ Nanos ProcessorClock::now() const {
   return std::chrono::seconds(time.tv_sec) + Nanos(time.tv_nsec);
 }
 
+namespace {
+
+/// Of a clock that stands still for hundreds of readings: those that its second step takes.
+ClockQuality measure_coarse_clock(const Clock& clock) {
+  constexpr int kMostReadings = 1'000'000;
+  Nanos last = clock.now();
+  Nanos step{0};
+  int readings = 0;
+  for (int steps = 0; steps < 2; ++steps) {  // the first is only where the second begins
+    const Nanos begin = last;
+    readings = 0;
+    while (last == begin && readings < kMostReadings) {
+      last = clock.now();
+      ++readings;
+    }
+    step = last - begin;
+  }
+  return {std::max(0.1, static_cast<double>(step.count()) / readings),
+          step > Nanos(0) ? step : Nanos(std::chrono::seconds(1))};
+}
+
+}  // namespace
+
 ClockQuality measure_clock(const Clock& clock) {
   constexpr int kRounds = 21;
   constexpr int kReadings = 500;
@@ -417,6 +453,7 @@ ClockQuality measure_clock(const Clock& clock) {
     }
     rounds.push_back(last - start);
   }
+  if (median(rounds) == Nanos(0)) return measure_coarse_clock(clock);
   // The smallest step seen is bounded by the cost itself on a fine clock; that is the finest that
   // can be told apart.
   return {static_cast<double>(median(rounds).count()) / (kReadings - 1), smallest};
@@ -476,10 +513,13 @@ PhaseSamples sample_executions(Kernel& kernel, const Clock& clock, std::int64_t 
   return taken;
 }
 
-std::int64_t batch_size(Nanos one_call) {
-  if (one_call >= kBatchTime) return 1;
+std::int64_t batch_size(Nanos one_call, const ClockQuality& quality) {
+  const double doubt_ns =
+      std::max(quality.cost_ns, static_cast<double>(quality.resolution.count()));
+  const Nanos least = std::max(kBatchTime, Nanos(std::llround(kClockTimes * doubt_ns)));
+  if (one_call >= least) return 1;
   const std::int64_t call_ns = std::max<std::int64_t>(1, one_call.count());
-  return std::min(kMostCallsAtOnce, (kBatchTime.count() + call_ns - 1) / call_ns);
+  return std::min(kMostCallsAtOnce, (least.count() + call_ns - 1) / call_ns);
 }
 
 bool is_clock_bound(Nanos median_sample, std::int64_t batch, const ClockQuality& quality) {

@@ -25,7 +25,8 @@ struct ClockQuality {
 };
 
 /// Median cost of a reading over 21 rounds of 500, and the smallest step seen. Takes less than a
-/// millisecond on a usual machine.
+/// millisecond on a usual machine; where most rounds see no step (a clock of 4 or 10 ms), until two
+/// were seen. The cost is never 0, which is a simulated clock's.
 [[nodiscard]] ClockQuality measure_clock(const Clock& clock);
 
 /// What one process samples. It does not look at the precision: that is a matter of several
@@ -122,8 +123,9 @@ struct PlayedCalls {
                                              const std::function<void()>& before,
                                              const PlayedCalls& sequence = {});
 
-/// Calls a batch so that it takes 1 ms or more: 1 for calls of at least 1 ms, at most 100000.
-[[nodiscard]] std::int64_t batch_size(Nanos one_call);
+/// Calls a batch so that it takes 1 ms or more, and so much that a slow or coarse clock does not
+/// show (is_clock_bound): 1 for calls of at least that, at most 100000.
+[[nodiscard]] std::int64_t batch_size(Nanos one_call, const ClockQuality& quality = {});
 
 /// Whether the larger of the clock's cost and step is more than 1 % of the interval between the two
 /// readings behind a typical sample; never of a simulated clock.

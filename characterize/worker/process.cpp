@@ -211,10 +211,11 @@ ProcessResult run_process(const ProcessRequest& request) {
   // Of the machine and of all control groups. @source mm/oom_kill.c
   const auto killed_for_memory = [] { return number_of("/proc/vmstat", "oom_kill", ' '); };
   const auto killed_before = killed_for_memory();
+  ProcessResult result;
+  result.inherited_bytes = number_of("/proc/self/status", "VmRSS", ':').value_or(0) << 10;
   const Nanos begin = clock.now();
   Child child(request);
   Deadline deadline(clock.now(), request.limit);
-  ProcessResult result;
   while (!child.ended()) {
     const bool stopped = request.stop != nullptr && request.stop->load();
     const bool too_much = result.output.size() > request.most_output;

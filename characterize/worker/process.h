@@ -41,6 +41,7 @@ struct ProcessResult {
   /// The most that it, or one of those, had resident; no less than what this process had when it
   /// started it, which the kernel counts as well.
   std::int64_t peak_bytes = 0;
+  std::int64_t inherited_bytes = 0;  ///< What this process had resident then.
 };
 
 /// Runs the program to its end, or kills it and whatever it started (its process group) when the

@@ -135,10 +135,11 @@ std::string phases_csv(const std::vector<PhaseRow>& rows) {
 
 std::string unit_times_csv(const Profile& profile) {
   Csv csv(
-      "run_id,unit,phase,sleep_ns,provenance,valid,reasons,samples,median_ns,mad_ns,p95_ns,p99_ns,"
-      "ci_low_ns,ci_high_ns,doubts");
+      "run_id,platform,unit,backend,phase,sleep_ns,provenance,valid,reasons,samples,median_ns,"
+      "mad_ns,p95_ns,p99_ns,ci_low_ns,ci_high_ns,doubts");
   for (const UnitTimeRow& row : profile.unit_times) {
-    csv.add(row.run_id).add(row.unit).add(to_string(row.phase)).add(row.sleep);
+    csv.add(row.run_id).add(profile.platform()).add(row.unit).add(row.backend);
+    csv.add(to_string(row.phase)).add(row.sleep);
     csv.add(to_string(Provenance::kMeasured)).add(is_valid(row)).add(row.reasons).add(row.samples);
     csv.add(row.median).add(row.mad).add(row.p95).add(row.p99).add(row.ci_low).add(row.ci_high);
     csv.add(row.doubts).end_line();

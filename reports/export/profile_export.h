@@ -35,7 +35,7 @@ void keep_workloads(Profile& profile, const std::string& filter);
 /// `peaks`.
 [[nodiscard]] Json export_json(const Profile& profile);
 
-/// The tables that CSV has, each with a header: `profile`, `conditions`, `handovers` and `energy`
+/// The tables that CSV has, each with a header: `profile`, `conditions`, `units` and `energy`
 /// with the columns of the views profile_summary, condition_summary, unit_time_summary and
 /// energy_summary, `peaks`, and `samples` of profile_summary (one line a sample). Quoted as
 /// RFC 4180 says, lines end in \n, what is unknown is an empty field.

@@ -12,6 +12,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/markup.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
@@ -196,6 +197,33 @@ Json row_json(const GateRow& row) {
   return json;
 }
 
+Json machine_json(const std::vector<MachineShift>& machine) {
+  Json shifts = Json::array();
+  for (const MachineShift& each : machine) {
+    shifts.push_back({{"unit", each.unit}, {"peak", to_string(each.kind)}, {"ratio", each.ratio}});
+  }
+  return shifts;
+}
+
+/// "cpu f32 -20.0 % and memory bandwidth -1.0 to +2.0 %; gpu ...": a range where rows are of
+/// several runs. Empty if nothing was.
+std::string machine_text(const std::vector<MachineShift>& machine) {
+  std::map<std::string, std::map<PeakKind, std::vector<double>>> moved;
+  for (const MachineShift& each : machine) moved[each.unit][each.kind].push_back(each.ratio);
+  std::vector<std::string> units;
+  for (const auto& [unit, kinds] : moved) {
+    std::vector<std::string> peaks;
+    for (const auto& [kind, ratios] : kinds) {
+      const auto [least, most] = std::ranges::minmax(ratios);
+      peaks.push_back(fmt::format(
+          "{} {}{:+.1f} %", kind == PeakKind::kF32 ? "f32" : "memory bandwidth",
+          least < most ? fmt::format("{:+.1f} to ", 100 * (least - 1)) : "", 100 * (most - 1)));
+    }
+    units.push_back(fmt::format("{} {}", unit, fmt::join(peaks, " and ")));
+  }
+  return join(units, "; ");
+}
+
 /// @param older  What the candidate was compared with.
 Json identity_json(const std::vector<FactDifference>& differences, const char* older) {
   Json identity = Json::array();
@@ -274,20 +302,14 @@ void describe_rule(const GateThresholds& thresholds, GateReport& report) {
                       {"tail_samples", t.tail_samples},
                       {"tail_multiple", t.tail_multiple},
                       {"tail_share", t.tail_share}};
-  std::map<std::string, std::vector<std::string>> moved;
-  for (const MachineShift& each : report.result.machine) {
-    moved[each.unit].push_back(fmt::format("{} {:+.1f} %",
-                                           each.kind == PeakKind::kF32 ? "f32" : "memory bandwidth",
-                                           100 * (each.ratio - 1)));
-  }
-  std::vector<std::string> units;
-  for (const auto& [unit, peaks] : moved) {
-    units.push_back(fmt::format("{} {}", unit, fmt::join(peaks, " and ")));
-  }
+  const std::string moved = machine_text(report.result.machine);
   report.notes.push_back(
-      units.empty() ? "Taken off as the machine's: nothing, the runs have no peaks in common."
-                    : fmt::format("Taken off as the machine's, by its own peaks: {}.",
-                                  fmt::join(units, "; ")));
+      moved.empty() ? "Taken off as the machine's: nothing, the runs have no peaks in common."
+                    : "Taken off as the machine's, by its own peaks: " + moved + ".");
+  const std::string of_anchor = machine_text(report.result.anchor_machine);
+  if (!of_anchor.empty()) {
+    report.notes.push_back("Taken off against the anchor: " + of_anchor + ".");
+  }
   if (report.result.unsure.empty()) return;
   report.notes.push_back(fmt::format(
       "Slower on {} may be one run that differs from others: fewer than {} workloads tell by how "
@@ -324,10 +346,6 @@ Document gate_document(const GateReport& report, bool all) {
 }
 
 Json gate_json(const GateReport& report) {
-  Json machine = Json::array();
-  for (const MachineShift& each : report.result.machine) {
-    machine.push_back({{"unit", each.unit}, {"peak", to_string(each.kind)}, {"ratio", each.ratio}});
-  }
   Json rows = Json::array();
   for (const auto& row : report.result.rows) rows.push_back(row_json(row));
   Json json = {{"schema_version", 1},
@@ -336,11 +354,12 @@ Json gate_json(const GateReport& report) {
                {"exit_code", exit_code_of(report.result, report.strict)},
                {"rule", report.rule_json},
                {"identity_differences", identity_json(report.result.identity, "base")},
-               {"machine", machine},
+               {"machine", machine_json(report.result.machine)},
                {"rows", rows}};
   if (!report.anchor.empty()) {
     json["anchor"] = report.anchor;
     json["anchor_identity_differences"] = identity_json(report.result.anchor_identity, "anchor");
+    json["anchor_machine"] = machine_json(report.result.anchor_machine);
   }
   if (report.decisions) json["decisions"] = decisions_json(*report.decisions);
   return json;

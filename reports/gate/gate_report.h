@@ -24,7 +24,7 @@ struct GateReport {
   Json rule_json = Json::object();      ///< In figures.
 };
 
-/// The rule of two stored tables, and what was taken off as the machine's.
+/// The rule of two stored tables, and what was taken off as the machine's, also against an anchor.
 void describe_rule(const GateThresholds& thresholds, GateReport& report);
 
 /// 1 if anything became slower or failed, else 3 if anything is inconclusive or not comparable (or,

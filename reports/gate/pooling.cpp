@@ -12,6 +12,9 @@
 namespace pirt {
 namespace {
 
+/// Process numbers of one run are below this; a pooled row has further ones.
+constexpr std::int32_t kProcessesARun = 10'000;
+
 /// Runs differ by more than their processes do, so that the interval is what all of them span.
 void add(const PhaseRow& other, std::int32_t offset, PhaseRow& row) {
   const auto contended = std::ranges::find(other.notes, "contended");
@@ -20,6 +23,7 @@ void add(const PhaseRow& other, std::int32_t offset, PhaseRow& row) {
   }
   row.values.insert(row.values.end(), other.values.begin(), other.values.end());
   for (const auto process : other.value_processes) row.value_processes.push_back(offset + process);
+  row.pooled_runs.push_back(other.run_id);
   row.samples = std::ssize(row.values);
   row.processes += other.processes;
   row.median = median(row.values, row.value_processes);
@@ -67,11 +71,6 @@ Pooled pool_samples(const ProfileReader& reader, Profile& profile) {
     pooled.left_out += others && !any ? 1 : 0;
   }
   return pooled;
-}
-
-bool is_pooled(const PhaseRow& row) {
-  return std::ranges::any_of(row.value_processes,
-                             [](std::int32_t process) { return process >= kProcessesARun; });
 }
 
 }  // namespace pirt

@@ -10,7 +10,7 @@
 
 #include "characterize/campaign/validity.h"
 #include "characterize/profile/identity.h"
-#include "reports/gate/pooling.h"
+#include "characterize/statistics/rank_tests.h"
 #include "reports/gate/tail.h"
 #include "workloads/base/text/text.h"
 #include "workloads/base/time.h"
@@ -99,6 +99,50 @@ struct Allowance {
     faster = std::min(faster, shift);
   }
 };
+
+std::vector<std::int64_t> runs_of(const PhaseRow& row) {
+  std::vector<std::int64_t> runs = row.pooled_runs;
+  runs.push_back(row.run_id);
+  return runs;
+}
+std::vector<std::int64_t> runs_of(const EnergyRow& row) { return {row.run_id}; }
+
+/// The peak of a row's unit in the runs that the row is of.
+template <typename Row>
+std::optional<double> peak_of(const Profile& profile, const Row& row, PeakKind kind) {
+  const auto runs = runs_of(row);
+  std::vector<double> rates;
+  for (const auto* peaks : {&profile.peaks, &profile.earlier_peaks}) {
+    for (const PeakRow& each : *peaks) {
+      const bool is_its_own = each.unit == row.unit && each.kind == kind &&
+                              std::ranges::find(runs, each.run_id) != runs.end();
+      if (is_its_own && is_used(each) && each.per_second) rates.push_back(*each.per_second);
+    }
+  }
+  return rates.empty() ? std::nullopt : std::optional(median_of(rates));
+}
+
+/// What the unit's peaks changed by between the runs of the two rows.
+template <typename Row>
+std::vector<MachineShift> peak_shifts(const ProfileDiff& diff, const Row& base,
+                                      const Row& candidate) {
+  std::vector<MachineShift> shifts;
+  for (const PeakKind kind : {PeakKind::kF32, PeakKind::kBandwidthMemory}) {
+    const auto before = peak_of(*diff.a, base, kind);
+    const auto after = peak_of(*diff.b, candidate, kind);
+    if (before && after) shifts.push_back({base.unit, kind, *after / *before});
+  }
+  return shifts;
+}
+
+template <typename Row>
+Allowance peaks_allowance(const ProfileDiff& diff, const Row& base, const Row& candidate) {
+  Allowance allowed;
+  for (const MachineShift& each : peak_shifts(diff, base, candidate)) {
+    allowed.add(-std::log(each.ratio));
+  }
+  return allowed;
+}
 
 /// A median with its interval, in any unit; all above 0.
 struct Estimate {
@@ -202,32 +246,46 @@ double change_needed(const ProfileDiff& diff, const PhaseRow& base,
 /// Rows that a machine moves alike: a unit's set-up, and its others.
 using Family = std::pair<std::string, bool>;
 Family family_of(const PhaseRow& row) { return {row.unit, is_setup(row.phase)}; }
+Family family_of(const EnergyRow& row) { return {row.unit, false}; }
+
+/// What the rows of a family changed by: logarithms.
+struct Changes {
+  std::set<std::string> workloads;
+  std::vector<double> all;
+  std::vector<double> slower, faster;  ///< Beyond what each row's peaks allow.
+};
 
 /// What the machine moved by, and what families of rows moved by together.
 class Movements {
  public:
   Movements(const ProfileDiff& diff, const GateThresholds& thresholds) : diff_(diff) {
-    for (const std::string& unit : diff.a->units()) add_peaks(unit);
-    std::map<Family, std::vector<double>> changes;
-    std::map<Family, std::set<std::string>> workloads;
+    std::map<Family, Changes> changes;
     for (const PhasePair& pair : diff.phases) {
+      add_peaks(pair);
       const auto ratio = pair.ratio();
       if (!ratio || *ratio <= 0 || repeats(pair) || !complaint(diff, pair).empty()) continue;
       if (!doubt_of(diff, pair).empty()) continue;
       if (!estimate_of(*pair.a) || !estimate_of(*pair.b)) continue;
-      changes[family_of(*pair.a)].push_back(std::log(*ratio));
-      workloads[family_of(*pair.a)].insert(pair.a->workload);
+      const double change = std::log(*ratio);
+      const Allowance peaks = peaks_allowance(diff, *pair.a, *pair.b);
+      Changes& of_family = changes[family_of(*pair.a)];
+      of_family.workloads.insert(pair.a->workload);
+      of_family.all.push_back(change);
+      of_family.slower.push_back(change - peaks.slower);
+      of_family.faster.push_back(change - peaks.faster);
     }
     for (auto& [family, moved] : changes) {
-      if (workloads[family].size() < thresholds.workloads) continue;
-      std::ranges::sort(moved);
-      add_scatter(family, moved, thresholds);
+      if (moved.workloads.size() < thresholds.workloads) continue;
+      for (auto* each : {&moved.all, &moved.slower, &moved.faster}) std::ranges::sort(*each);
+      add_scatter(family, moved.all, thresholds);
       add_together(family, moved, thresholds);
     }
   }
 
-  [[nodiscard]] Allowance allowance_for(const Family& family) const {
-    Allowance allowed = peaks_of(family.first);
+  template <typename Row>
+  [[nodiscard]] Allowance allowance_for(const Row& base, const Row& candidate) const {
+    const Family family = family_of(base);
+    Allowance allowed = peaks_allowance(diff_, base, candidate);
     const auto scatter = scatter_.find(family);
     if (scatter != scatter_.end()) allowed.scatter = scatter->second;
     const auto together = together_.find(family);
@@ -240,21 +298,12 @@ class Movements {
   [[nodiscard]] const std::vector<GateRow>& rows() const { return rows_; }
 
  private:
-  void add_peaks(const std::string& unit) {
-    for (const PeakKind kind : {PeakKind::kF32, PeakKind::kBandwidthMemory}) {
-      const PeakRow* a = diff_.a->find_peak(unit, kind);
-      const PeakRow* b = diff_.b->find_peak(unit, kind);
-      if (a == nullptr || b == nullptr || !is_used(*a) || !is_used(*b)) continue;
-      if (!a->per_second || !b->per_second || !identity_complaint(diff_, *a, *b).empty()) continue;
-      const double ratio = *b->per_second / *a->per_second;
-      machine_.push_back({unit, kind, ratio});
-      peaks_[unit].add(-std::log(ratio));
+  void add_peaks(const PhasePair& pair) {
+    if (!identity_complaint(diff_, *pair.a, *pair.b).empty()) return;
+    for (MachineShift& each : peak_shifts(diff_, *pair.a, *pair.b)) {
+      const bool is_known = std::ranges::find(machine_, each) != machine_.end();
+      if (!is_known) machine_.push_back(std::move(each));
     }
-  }
-
-  [[nodiscard]] Allowance peaks_of(const std::string& unit) const {
-    const auto found = peaks_.find(unit);
-    return found == peaks_.end() ? Allowance{} : found->second;
   }
 
   /// An interval over the processes of one run knows nothing of what the machine will be like in
@@ -275,18 +324,15 @@ class Movements {
   }
 
   /// What three quarters of the rows moved by at least, beyond the peaks.
-  /// @param moved  Sorted.
-  void add_together(const Family& family, const std::vector<double>& moved,
-                    const GateThresholds& thresholds) {
-    const std::size_t quarter = moved.size() / 4;
-    const Allowance peaks = peaks_of(family.first);
-    const double more = moved[quarter];
-    const double less = moved[moved.size() - 1 - quarter];
+  /// @param moved  Each sorted.
+  void add_together(const Family& family, const Changes& moved, const GateThresholds& thresholds) {
+    const std::size_t quarter = moved.all.size() / 4;
+    const std::size_t last_quarter = moved.all.size() - 1 - quarter;
     const double needed =
         std::log1p(thresholds.together * (family.second ? thresholds.setup : 1.0));
-    const bool slower = more - peaks.slower >= needed;
-    if (!slower && less - peaks.faster > -needed) return;
-    const double shift = slower ? more : less;
+    const bool slower = moved.slower[quarter] >= needed;
+    if (!slower && moved.faster[last_quarter] > -needed) return;
+    const double shift = moved.all[slower ? quarter : last_quarter];
     together_[family] = shift;
     GateRow row{.workload = "all",
                 .unit = family.first,
@@ -301,25 +347,28 @@ class Movements {
           "all rows moved together, by {:.1f} % or more, {:.1f} % with the unit's peaks: the "
           "machine's or the program's, it cannot be told; compare the two programs side by side: "
           "--baseline-program",
-          percent_of(shift), percent_of(peaks.slower));
+          percent_of(shift), percent_of(shift - moved.slower[quarter]));
     }
     rows_.push_back(std::move(row));
   }
 
   const ProfileDiff& diff_;
   std::vector<MachineShift> machine_;
-  std::map<std::string, Allowance> peaks_;  ///< By unit.
   std::map<Family, double> together_, scatter_;
   std::vector<GateRow> rows_;
 };
 
-/// Whether a run of @p candidate after @p run_id was to measure the cell and has not: it has lost
-/// it if it ended, and else did not get there.
+/// Whether a run of @p candidate after @p run_id was to measure the cell and has not: the newest of
+/// them has lost it if it ended, and else did not get there.
 bool is_lost(const Profile& candidate, const CellName& cell, std::int64_t run_id, GateRow& row) {
-  const auto run = std::ranges::find_if(candidate.runs, [&](const RunInfo& each) {
-    return each.run_id > run_id && std::ranges::find(each.planned, cell) != each.planned.end();
-  });
-  if (run == candidate.runs.end()) return false;
+  const RunInfo* run = nullptr;
+  for (const RunInfo& each : candidate.runs) {
+    const bool is_planned = std::ranges::find(each.planned, cell) != each.planned.end();
+    if (!is_planned || each.run_id <= run_id) continue;
+    run_id = each.run_id;
+    run = &each;
+  }
+  if (run == nullptr) return false;
   const bool ended = !run->finished.empty();
   row.verdict = ended ? GateVerdict::kFailed : GateVerdict::kNotComparable;
   row.reason = ended ? "the candidate's plan has it, and its newest run has not"
@@ -362,7 +411,7 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const Movements&
     return row;
   }
   row.needed = change_needed(diff, base, thresholds);
-  weigh(*of_base, *of_candidate, movements.allowance_for(family_of(base)), doubt_of(diff, pair),
+  weigh(*of_base, *of_candidate, movements.allowance_for(base, candidate), doubt_of(diff, pair),
         row);
   if (row.verdict != GateVerdict::kSlower &&
       candidate.failed_processes() > base.failed_processes()) {
@@ -421,7 +470,7 @@ GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair, const Mo
     const bool beside = each->source.find("; contended") != std::string::npos;
     if (doubt.empty() && beside) doubt = "contended";
   }
-  weigh(*base, *candidate, movements.allowance_for({pair.a->unit, false}),
+  weigh(*base, *candidate, movements.allowance_for(*pair.a, *pair.b),
         doubt.empty() ? "" : "an energy row is " + doubt, row);
   return row;
 }
@@ -439,6 +488,7 @@ void judge_new(const Profile& candidate, GateRow& row) {
                 : failure == "wrong_output" || failed >= 2 ? GateVerdict::kFailed
                                                            : GateVerdict::kInconclusive;
   row.reason = (failure.empty() ? "" : failure + "; ") + "only the candidate has it";
+  row.is_new = true;
 }
 
 /// Cells of one profile that the other lacks, and phases of cells that both have.
@@ -512,12 +562,12 @@ GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds) {
     result.rows.push_back(compare(diff, pair, movements, thresholds));
     if (result.rows.back().verdict == GateVerdict::kSlower && !repeats(pair) &&
         !movements.knows_scatter(family_of(*pair.a)) &&
-        !(is_pooled(*pair.a) && is_pooled(*pair.b))) {
+        (pair.a->pooled_runs.empty() || pair.b->pooled_runs.empty())) {
       result.unsure.insert(pair.a->unit);
     }
     const bool comparable = result.rows.back().ratio.has_value();
     if (pair.a->phase == Phase::kCall && comparable && !repeats(pair)) {
-      const Allowance allowed = movements.allowance_for(family_of(*pair.a));
+      const Allowance allowed = movements.allowance_for(*pair.a, *pair.b);
       const double moved =
           std::max(allowed.slower,
                    std::min(allowed.scatter, std::max(0.0, std::log(*result.rows.back().ratio))));
@@ -534,13 +584,15 @@ GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds) {
 
 void add_anchor(GateResult against, GateResult& result) {
   result.anchor_identity = std::move(against.identity);
+  result.anchor_machine = std::move(against.machine);
+  result.unsure.merge(against.unsure);
   std::set<std::pair<std::string, std::string>> cells;
   for (const GateRow& row : result.rows) cells.emplace(row.workload, row.unit);
   for (GateRow& row : against.rows) {
     // What neither base nor candidate has was taken away, and somebody accepted it.
     const bool gone = row.verdict == GateVerdict::kNotComparable && row.workload != "all" &&
                       !cells.contains({row.workload, row.unit});
-    if (gone) continue;
+    if (gone || row.is_new) continue;
     row.against_anchor = true;
     result.rows.push_back(std::move(row));
   }

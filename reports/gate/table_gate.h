@@ -4,9 +4,9 @@
 // is *slower* if its median rose by at least `effect` and the two intervals are at least half of
 // that apart; it is *the same* if the 95 % interval of its change ends below half of that; all else
 // is *undecided*, which is named and counted. Before that, what the machine itself moved by is
-// taken off: the change of the unit's own peaks, measured in both runs, which no program changes. A
-// row must be slower beyond it, and to be the same it must be so with and without it. It is
-// printed.
+// taken off: the change of the unit's own peaks between the runs that the row is of (their medians
+// where it is of several), which no program changes. A row must be slower beyond it, and to be the
+// same it must be so with and without it. It is printed.
 //
 // What nearly all rows of a unit moved by together, beyond the peaks, is the machine's or the
 // program's, and no stored figure says whose: one row says so, which is inconclusive, and the rows
@@ -84,19 +84,23 @@ struct GateRow {
   std::optional<double> change = {}, at_least = {}, at_most = {};
   std::optional<double> needed = {};  ///< The change that counts as slower.
   bool against_anchor = false;        ///< `base` is the anchor's figure.
+  bool is_new = false;                ///< Of a cell that only the candidate has.
 };
 
-/// What a unit's own peak changed by: no program does that.
+/// What a unit's own peak changed by: no program does that. One for each change that some row's
+/// runs have.
 struct MachineShift {
   std::string unit;
   PeakKind kind = PeakKind::kF32;
   double ratio = 1;  ///< Candidate over base: below 1, the machine was slower.
+  friend bool operator==(const MachineShift&, const MachineShift&) = default;
 };
 
 struct GateResult {
   std::vector<FactDifference> identity;
   std::vector<FactDifference> anchor_identity = {};  ///< Of anchor and candidate.
   std::vector<MachineShift> machine;
+  std::vector<MachineShift> anchor_machine = {};  ///< Of anchor and candidate.
   std::vector<GateRow> rows;
   /// Units with a slower row of one run on a side, of too few workloads to tell how runs differ.
   std::set<std::string> unsure = {};
@@ -107,8 +111,9 @@ struct GateResult {
 ///              cell has a tail.
 [[nodiscard]] GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds = {});
 
-/// The rows of @p against, which was judged against an older base, behind those of @p result;
-/// without the cells that neither the base nor the candidate of @p result has.
+/// The rows of @p against, which was judged against an older base, behind those of @p result, and
+/// what was taken off there; without the cells that neither the base nor the candidate of @p result
+/// has, and those that the older base has not: they are the base's affair.
 void add_anchor(GateResult against, GateResult& result);
 
 }  // namespace pirt

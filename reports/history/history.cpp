@@ -159,9 +159,17 @@ History read_history(const std::vector<std::filesystem::path>& files, const std:
   History history{.platform = platform, .runs = {}, .series = {}};
   std::vector<std::pair<HistoryRun, Profile>> found;
   std::set<decltype(same_run({}, {}))> known;
+  std::string any;  // Of runs of which none ended.
+  for (const auto& file : files) {
+    if (!history.platform.empty()) break;
+    const ProfileReader reader(file);
+    const std::string newest = reader.newest_platform();
+    if (any.empty()) any = newest;
+    if (!newest.empty() && !reader.finished_runs(newest).empty()) history.platform = newest;
+  }
+  if (history.platform.empty()) history.platform = any;
   for (const auto& file : files) {
     const ProfileReader reader(file);
-    if (history.platform.empty()) history.platform = reader.read().platform();
     for (RunInfo& run : reader.unfinished_runs(history.platform)) {
       history.left_out.push_back({file.string(), std::move(run)});
     }
@@ -178,6 +186,9 @@ History read_history(const std::vector<std::filesystem::path>& files, const std:
         found.emplace_back(std::move(run), std::move(profile));
       }
     }
+  }
+  if (history.platform.empty()) {
+    throw_bad_input("no file has a run; measure one with: pirt characterize --db FILE");
   }
   if (found.empty()) {
     const auto lines = left_out_lines(history);

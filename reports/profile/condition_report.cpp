@@ -113,7 +113,9 @@ Json unit_time_json(const Profile& profile) {
   Json rows = Json::array();
   for (const UnitTimeRow& row : profile.unit_times) {
     Json json = {{"run_id", row.run_id},
+                 {"platform", profile.platform()},
                  {"unit", row.unit},
+                 {"backend", row.backend},
                  {"phase", to_string(row.phase)},
                  {"sleep_ns", row.sleep.count()},
                  {"provenance", to_string(Provenance::kMeasured)},

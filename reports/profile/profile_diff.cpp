@@ -43,10 +43,20 @@ std::set<std::string> units_in_common(const Profile& a, const Profile& b) {
   return units;
 }
 
+/// Not of one that came to none, which the gate reads besides.
+bool has_rows(const Profile& profile, const RunInfo& run) {
+  const auto are_its = [&run](const auto& rows) {
+    return std::ranges::any_of(rows, [&run](const auto& row) { return row.run_id == run.run_id; });
+  };
+  return are_its(profile.phases) || are_its(profile.conditions) || are_its(profile.unit_times) ||
+         are_its(profile.energies) || are_its(profile.peaks);
+}
+
 /// All facts of the runs that are no identity.
 Information information_of(const Profile& profile, const std::set<std::string>& units) {
   Information facts;
   for (const RunInfo& run : profile.runs) {
+    if (!has_rows(profile, run)) continue;
     const auto identity = identity_of(run);
     for (const auto& [key, value] : run.environment) {
       const bool of_identity = identity.contains(key) || fact_kind(key) == FactKind::kIdentity;
@@ -65,6 +75,7 @@ std::vector<FactDifference> identity_differences(const Profile& a, const Profile
   Information values_b;
   for (const RunInfo& run_a : a.runs) {
     for (const RunInfo& run_b : b.runs) {
+      if (!has_rows(a, run_a) || !has_rows(b, run_b)) continue;
       for (const auto& found : compare_identity(run_a, run_b)) {
         if (!found.unit.empty() && !units.contains(found.unit)) continue;
         if (std::ranges::find(fields, found.field) == fields.end()) fields.push_back(found.field);

@@ -1,6 +1,7 @@
 #include "reports/profile/profile_report.h"
 
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -294,9 +295,8 @@ Json run_json(const RunInfo& run) {
 }
 
 std::string core_text(const std::vector<int>& cores) {
-  std::vector<std::string> parts;
-  for (const int core : cores) parts.push_back(std::to_string(core));
-  return parts.empty() ? "" : (cores.size() == 1 ? ", core " : ", cores ") + join(parts, " ");
+  if (cores.empty()) return "";
+  return fmt::format(", core{} {}", cores.size() == 1 ? "" : "s", fmt::join(cores, " "));
 }
 
 }  // namespace
@@ -314,7 +314,7 @@ Paragraph profile_header(const Profile& profile) {
   paragraph.lines.push_back(fmt::format("Machine: {}, kernel {}, governor {}", fact("cpu_model"),
                                         fact("kernel"), fact("governor")));
   for (const auto& unit : run.units) {
-    const bool disguised = unit.device_is_cpu && unit.backend != "cpu";
+    const bool disguised = unit.device_is_cpu && unit.backend == "opencl";
     paragraph.lines.push_back(fmt::format(
         "Unit {}: backend {} on {}{}{}", unit.unit, unit.backend, unit.device,
         core_text(unit.cores), disguised ? "; computes on the host's own cores, not a GPU" : ""));

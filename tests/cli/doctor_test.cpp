@@ -77,6 +77,14 @@ TEST(Doctor, RefusesWhatItCannotJudge) {
   EXPECT_THAT(modelled.err, HasSubstr("no unit to measure"));
   EXPECT_EQ(pirt({"doctor", "--seconds", "0"}).exit_code, 2);
   EXPECT_EQ(pirt({"doctor", "--seconds", "nan"}).exit_code, 2);
+  // Of a recorded machine no unit is tried, and nothing is watched.
+  const std::vector<std::vector<std::string>> ignored = {{"--platform", "host"},
+                                                         {"--seconds", "5"}};
+  for (const auto& words : ignored) {
+    const auto outcome = pirt({"doctor", "--root", scratch.file("nothing"), words[0], words[1]});
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_THAT(outcome.err, HasSubstr(words[0]));
+  }
 }
 
 }  // namespace

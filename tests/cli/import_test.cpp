@@ -93,6 +93,24 @@ TEST_F(Import, TakesTimesOfOnesOwnAndSchedulesWithThem) {
   EXPECT_THAT(rows.out, AllOf(HasSubstr("measured elsewhere"), HasSubstr("60000000")));
 }
 
+TEST_F(Import, TakesAPlatformThatIsShippedByNameAlone) {
+  const auto times =
+      scratch_.write("jetson-tx1.csv", "workload,unit,ms\nalexnet,cpu,350\nalexnet,npu,8\n");
+  expect_refused(pirt({"import", times, "--db", database_}), {"jetson-tx1", "--name"});
+  expect_refused(pirt({"import", times, "--db", database_, "--name", "jetson-tx1"}), {"npu"});
+  EXPECT_FALSE(std::filesystem::exists(database_));
+  const auto imported = pirt({"import", times, "--db", database_, "--name", "mine"});
+  ASSERT_EQ(imported.exit_code, 0) << imported.err;
+  const auto mix = scratch_.write(
+      "a.yaml",
+      "mix: a\npipelines:\n  see: {closed_loop: {frames: 10}, tasks: [{workload: alexnet}]}\n");
+  const auto outcome =
+      pirt({"schedule", "--profile", database_, "--mix", mix, "--mode", "ect", "--json", "-"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(outcome.json()["platform"], "mine");
+  EXPECT_TRUE(outcome.json()["units"].contains("npu"));
+}
+
 TEST_F(Import, TheFrontierSaysWhoseEnergyIsNotKnown) {
   const auto times =
       scratch_.write("bench.csv", "unit,workload,ms\ncpu,mine.icp,40\ngpu,mine.icp,10\n");

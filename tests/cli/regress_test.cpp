@@ -90,6 +90,28 @@ TEST_F(Regress, PutsNothingTogetherThatIsOfAnotherPlatformText) {
               AllOf(HasSubstr("mixed.db (1 of another program, platform"), HasSubstr("+50")));
 }
 
+TEST_F(Regress, SaysThatRowsAreOfTwoPlatformTexts) {
+  measure("parts.db", 3, 7);
+  measure("parts.db", 2, 7, "^sobel$");
+  const auto outcome = regress("parts.db");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("(rows of 2 programs or platforms)"));
+}
+
+// Its rows are those of the run before, perhaps of the program before.
+TEST_F(Regress, ARunThatBrokeOffInItsFirstRoundIsNoPass) {
+  measure("broken.db", 2, 7);
+  const auto cut =
+      pirt({"characterize", "--quick", "--platform", scratch_->file("board.yaml"), "--filter",
+            "sobel|fc8", "--seed", "7", "--max-time", "1ns", "--db", scratch_->file("broken.db")});
+  EXPECT_EQ(cut.exit_code, 4) << cut.err;
+  const auto outcome = regress("broken.db");
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.out << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("the candidate's run did not end"));
+  measure("broken.db", 2, 7);
+  EXPECT_EQ(regress("broken.db").exit_code, 0) << "it was measured since";
+}
+
 TEST_F(Regress, SaysWhatIsNotComparable) {
   const auto outcome = regress("other.db");
   EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
@@ -137,6 +159,23 @@ TEST_F(Regress, ComparesWhatTheMixCosts) {
       pirt({"regress", scratch_->file("base.db"), scratch_->file("slow.db"), "--mix", mix});
   EXPECT_EQ(without.exit_code, 1);
   EXPECT_THAT(without.err, HasSubstr("--platform"));
+}
+
+TEST_F(Regress, AnImportedBoardIsItsOwnPlatform) {
+  const auto table = scratch_->write("t.csv",
+                                     "soc,unit,threads,network,avg_ms\n"
+                                     "Acme 1,CPU A57,4,alexnet,20\nAcme 1,GPU Quad,1,alexnet,10\n");
+  const auto mix = scratch_->write("imported.yaml",
+                                   "mix: m\npipelines: {see: {closed_loop: {frames: 10}, tasks: "
+                                   "[{workload: ncnn.alexnet}]}}\n");
+  for (const char* name : {"import.db", "again.db"}) {
+    const auto made = pirt({"import", table, "--db", scratch_->file(name)});
+    ASSERT_EQ(made.exit_code, 0) << made.err;
+  }
+  const auto outcome =
+      pirt({"regress", scratch_->file("import.db"), scratch_->file("again.db"), "--mix", mix});
+  EXPECT_THAT(outcome.err, Not(HasSubstr("what the mix costs is not shown")));
+  EXPECT_THAT(outcome.out, HasSubstr("mix m"));
 }
 
 /// Nine workloads of a simulated board, measured as somebody would.

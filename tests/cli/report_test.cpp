@@ -181,8 +181,14 @@ TEST_F(ReportOfRuns, RefusesAPlatformWhereItReadsNoDatabase) {
   expect_refused(pirt({"report", "paper", "--platform", "nosuch"}), {"--platform 'nosuch'"});
 }
 
+TEST_F(ReportOfRuns, SaysThatAFurtherDatabaseIsNotThere) {
+  expect_refused(pirt({"report", "paper", database(), scratch_->file("dps.db")}),
+                 {"there is no profile database", "dps.db"});
+}
+
 TEST_F(ReportOfRuns, IsAPageOnlyWhereThatIsAskedFor) {
   expect_refused(pirt({"report", "text", database(), "--format", "html"}), {"pirt report page"});
+  expect_refused(pirt({"report", "text", database(), "--format", "json"}), {"--json FILE"});
 }
 
 TEST_F(ReportOfRuns, KnowsARunWhateverItsFileBeginsWith) {

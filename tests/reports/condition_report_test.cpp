@@ -52,7 +52,7 @@ Profile profile_of(double cold_ms) {
   profile.conditions.back().reasons = {"few_samples"};
   UnitTimeRow handover;
   handover.run_id = 1;
-  handover.unit = "cpu";
+  handover.unit = handover.backend = "cpu";
   handover.sleep = from_ms(10);
   handover.samples = 10;
   handover.median = handover.mad = handover.p95 = handover.p99 = Nanos(71'000);
@@ -82,6 +82,7 @@ TEST(ConditionReport, TheProfileTableKnowsOnlySteadyRows) {
   EXPECT_EQ(json["profile_summary"][0]["median_ns"], 2'000'000);
   EXPECT_EQ(json["condition_summary"][0]["state"], "cold_cache");
   EXPECT_EQ(json["unit_time_summary"][0]["sleep_ns"], 10'000'000);
+  EXPECT_EQ(json["unit_time_summary"][0]["backend"], "cpu");
 }
 
 TEST(ConditionReport, AreExportedApart) {
@@ -94,7 +95,7 @@ TEST(ConditionReport, AreExportedApart) {
   EXPECT_THAT(export_csv(profile, CsvTable::kConditions),
               HasSubstr("\n1,board,sobel,cpu,cpu,execute,cold_cache,measured,1,,,20,5000000,"));
   EXPECT_THAT(export_csv(profile, CsvTable::kUnitTimes),
-              HasSubstr("\n1,cpu,handover,10000000,measured,1,,10,71000,"));
+              HasSubstr("\n1,board,cpu,cpu,handover,10000000,measured,1,,10,71000,"));
   EXPECT_THAT(export_google_benchmark(profile).json["benchmarks"], SizeIs(5));
 }
 

@@ -4,7 +4,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "reports/gate/pooling.h"
 #include "tests/reports/gate_runs.h"
 #include "workloads/base/text/json.h"
 
@@ -85,10 +84,7 @@ TEST(GateReport, SaysWhereTooFewWorkloadsTellHowRunsDiffer) {
       std::vector<PhaseRow> rows;
       for (int i = 0; i < workloads; ++i) {
         rows.push_back(exact.row("w" + std::to_string(i), i == 0 ? 10 * factor : 10));
-        // Every other process is of the second run.
-        for (std::int32_t& process : rows.back().value_processes) {
-          if (process % 2 == 1) process += (runs - 1) * kProcessesARun;
-        }
+        if (runs > 1) rows.back().pooled_runs = {1};
       }
       return profile_of(std::move(rows));
     };
@@ -104,6 +100,57 @@ TEST(GateReport, SaysWhereTooFewWorkloadsTellHowRunsDiffer) {
   EXPECT_EQ(notes_of(1, 3, 1).size(), 1U) << "nothing is slower";
   EXPECT_EQ(notes_of(1.15, 6, 1).size(), 1U) << "the others tell";
   EXPECT_EQ(notes_of(1.15, 3, 2).size(), 1U) << "two runs tell";
+}
+
+// The newest run of the file is one moment of three; another may have been a busy one.
+TEST(GateReport, ARowIsHeldAgainstThePeaksOfItsOwnRuns) {
+  Profile base = profile_of({with_interval(10, 0.01)});
+  base.peaks = {peak(PeakKind::kF32, 200e9)};
+  Profile candidate = profile_of({with_interval(12, 0.01)});
+  candidate.runs = {candidate.runs[0], candidate.runs[0]};
+  candidate.runs[0].run_id = 3;
+  candidate.runs[1].run_id = 2;
+  candidate.peaks = {peak(PeakKind::kF32, 160e9, 3)};
+  candidate.earlier_peaks = {peak(PeakKind::kF32, 200e9, 2), peak(PeakKind::kF32, 200e9, 1)};
+  PhaseRow& row = candidate.phases[0];
+  const auto verdict = [&](std::int64_t run, std::vector<std::int64_t> pooled) {
+    row.run_id = run;
+    row.pooled_runs = std::move(pooled);
+    return judge_both(base, candidate).rows[0].verdict;
+  };
+  EXPECT_EQ(verdict(3, {}), GateVerdict::kUndecided) << "a fifth less";
+  EXPECT_EQ(verdict(2, {}), GateVerdict::kSlower);
+  EXPECT_EQ(verdict(3, {2, 1}), GateVerdict::kSlower) << "the median of the three";
+  // Rows of two runs.
+  candidate.phases[0].pooled_runs.clear();
+  for (Profile* profile : {&base, &candidate}) {
+    profile->phases.push_back(profile->phases[0]);
+    profile->phases[1].workload = "fc6";
+  }
+  candidate.phases[1].run_id = 2;
+  GateReport report;
+  report.result = judge_both(base, candidate);
+  describe_rule(GateThresholds{}, report);
+  EXPECT_THAT(report.notes[0], HasSubstr("by its own peaks: cpu f32 -20.0 to +0.0 %."));
+}
+
+TEST(GateReport, SaysWhatWasTakenOffAgainstTheAnchorAndWhereOneRunIsTooFew) {
+  const auto run = [](double ms, double f32) {
+    Profile profile = profile_of({with_interval(ms, 0.01)});
+    profile.peaks = {peak(PeakKind::kF32, f32)};
+    return profile;
+  };
+  const Profile candidate = run(14, 200e9);
+  GateReport report;
+  report.anchor = "old.db";
+  report.result = judge_both(run(14, 200e9), candidate);
+  add_anchor(judge_both(run(10, 240e9), candidate), report.result);
+  describe_rule(GateThresholds{}, report);
+  EXPECT_EQ(exit_code_of(report.result), 1);
+  EXPECT_THAT(report.notes, ElementsAre(HasSubstr("own peaks: cpu f32 +0.0 %."),
+                                        HasSubstr("against the anchor: cpu f32 -16.7 %."),
+                                        HasSubstr("Slower on cpu may be one run")));
+  EXPECT_NEAR(gate_json(report)["anchor_machine"][0]["ratio"].get<double>(), 200.0 / 240, 1e-9);
 }
 
 TEST(GateReport, NamesAndCountsWhatIsUndecided) {

@@ -78,6 +78,15 @@ inline GateResult judge_both(const Profile& base, const Profile& candidate) {
   return judge(diff_profiles(base, candidate));
 }
 
+inline PeakRow peak(PeakKind kind, double per_second, std::int64_t run_id = 0) {
+  PeakRow row;
+  row.run_id = run_id;
+  row.unit = "cpu";
+  row.kind = kind;
+  row.per_second = per_second;
+  return row;
+}
+
 /// A row whose interval ends @p width on either side of @p ms.
 inline PhaseRow with_interval(double ms, double width) {
   Machine exact(0, 0, 1);

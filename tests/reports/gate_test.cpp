@@ -378,14 +378,6 @@ TEST(TableGate, FindsATailThatNoMedianShows) {
   EXPECT_THAT(rows(few, few)[1].reason, HasSubstr("120 samples, 200"));
 }
 
-PeakRow peak(PeakKind kind, double per_second) {
-  PeakRow row;
-  row.unit = "cpu";
-  row.kind = kind;
-  row.per_second = per_second;
-  return row;
-}
-
 TEST(TableGate, WhatTheMachineMadeLongerIsNoTail) {
   const auto run_of = [](const PhaseRow& calls, double peaks) {
     Profile profile = profile_of({calls});
@@ -616,6 +608,21 @@ TEST(TableGate, WhatTheAnchorAloneHasWasTakenAway) {
   EXPECT_TRUE(json["identity_differences"].empty());
   EXPECT_EQ(json["anchor_identity_differences"][0]["fact"], "cpu_model");
   EXPECT_EQ(json["anchor_identity_differences"][0]["anchor"], "two");
+}
+
+// What somebody accepted into the base is no failure for as long as the anchor holds still.
+TEST(TableGate, ACellThatTheAnchorLacksIsTheBasesAffair) {
+  Machine machine(0.005, 0.01, 1);
+  const Profile anchor = profile_of({machine.row("sobel", 10)});
+  Profile now = profile_of({anchor.phases[0], machine.row("fc6", 20)});
+  now.phases[1].reasons = {"wrong_output"};
+  auto accepted = judge_both(now, now);
+  add_anchor(judge_both(anchor, now), accepted);
+  EXPECT_EQ(exit_code_of(accepted), 0);
+  auto fresh = judge_both(anchor, now);
+  add_anchor(judge_both(anchor, now), fresh);
+  EXPECT_EQ(exit_code_of(fresh), 1);
+  EXPECT_EQ(fresh.count(GateVerdict::kFailed), 1);
 }
 
 }  // namespace

@@ -183,6 +183,18 @@ TEST(History, ARunThatDidNotEndIsLeftOutAndNamed) {
   EXPECT_EQ(left_out[1]["run_id"], 1);
 }
 
+// As characterize leaves it that was killed in its first round.
+TEST(History, AFirstFileWithoutACellIsNoReasonToRefuseTheOthers) {
+  const test::TemporaryFolder folder;
+  RunHeader header = test::small_run();
+  header.plan = "{}";
+  ProfileWriter(folder / "a.db").begin_run(header);
+  add_run(folder / "b.db", 1000);
+  const History history = read_history({folder / "a.db", folder / "b.db"}, "", "");
+  EXPECT_THAT(history.runs, SizeIs(1));
+  EXPECT_THAT(history.left_out, SizeIs(1));
+}
+
 TEST(History, NothingChangedIsSaid) {
   History history = history_of(step(20, 0, 1));
   find_changes(history);

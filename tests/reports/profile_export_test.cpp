@@ -2,9 +2,12 @@
 // figure.
 #include "reports/export/profile_export.h"
 
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "characterize/profile/store/database_format.h"
+#include "characterize/profile/store/sqlite.h"
 #include "tests/reports/profiles.h"
 #include "tests/support/errors.h"
 #include "workloads/base/text/json.h"
@@ -81,6 +84,20 @@ TEST(ProfileExport, CsvHasTheColumnsOfTheViews) {
   ASSERT_THAT(samples, SizeIs(8));
   EXPECT_EQ(samples[0], "run_id,workload,unit,phase,state,provenance,valid,position,process,ns");
   EXPECT_EQ(samples[2], "1,sobel,cpu,prepare,cold,measured,0,1,1,101000000");
+}
+
+TEST(ProfileExport, CsvHasTheViewsColumnsInTheirOrder) {
+  sqlite::Connection schema("schema", sqlite::Connection::Mode::kMemory, Nanos(0));
+  schema.run(std::string(database_schema()));
+  for (const auto& [view, table] : {std::pair("profile_summary", CsvTable::kProfile),
+                                    std::pair("condition_summary", CsvTable::kConditions),
+                                    std::pair("unit_time_summary", CsvTable::kUnitTimes),
+                                    std::pair("energy_summary", CsvTable::kEnergy)}) {
+    std::vector<std::string> columns;
+    sqlite::Statement query(schema, fmt::format("SELECT name FROM pragma_table_info('{}')", view));
+    while (query.step()) columns.push_back(query.text(0));
+    EXPECT_EQ(split(export_csv(small_data(), table), '\n').front(), join(columns, ",")) << view;
+  }
 }
 
 TEST(ProfileExport, CsvQuotesQuotesAndLineBreaks) {

@@ -136,8 +136,11 @@ TEST(ProfileTable, ACommonNoteOfOtherPhasesHidesNoCall) {
 }
 
 TEST(ProfileHeader, NeverTakesACpuForAGpu) {
-  const auto header = profile_header(profile_of({row("sobel", "cpu", Phase::kCall, 1)}));
-  EXPECT_THAT(header.lines, Contains(HasSubstr("not a GPU")));
+  auto profile = profile_of({row("sobel", "cpu", Phase::kCall, 1)});
+  EXPECT_THAT(profile_header(profile).lines, Contains(HasSubstr("pthread, core 1; computes on the "
+                                                                "host's own cores, not a GPU")));
+  profile.runs[0].units = {{"cpu", "published", "CPU Kryo, 4 threads", true, {}}};
+  EXPECT_THAT(profile_header(profile).lines, Contains(testing::EndsWith("CPU Kryo, 4 threads")));
 }
 
 TEST(Preference, RanksByTheCallAndJoinsWhatCannotBeToldApart) {

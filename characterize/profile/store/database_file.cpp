@@ -9,7 +9,6 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
-#include <map>
 #include <memory>
 #include <new>
 #include <span>
@@ -121,22 +120,16 @@ void identify(const std::filesystem::path& path) {
 }
 
 /// A writer that was killed in a transaction leaves a journal; only a connection that may write can
-/// roll it back.
+/// roll it back. Of others SQLite knows whether it is that, or of a writer that lives.
 void recover(const std::filesystem::path& path, const FileWait& waiting) {
   auto journal = follow_links(path);
   journal += "-journal";
   std::error_code failed;
   const auto size = std::filesystem::file_size(journal, failed);
   if (failed || size == 0) return;
-  if (!may_be_written(path)) {
-    throw_bad_input(
-        fmt::format("the last writer of profile database '{}' was killed; what puts it right is "
-                    "'{}', and nothing may be written there: copy both (cp {} {} FOLDER), and give "
-                    "the copy",
-                    path.string(), journal.string(), path_in_shell(path.string()),
-                    path_in_shell(journal.string())));
-  }
-  const Connection connection(path, Connection::Mode::kReadWrite, waiting);
+  using Mode = Connection::Mode;
+  const Connection connection(path, may_be_written(path) ? Mode::kReadWrite : Mode::kReadOnly,
+                              waiting);
   Statement(connection, "SELECT count(*) FROM sqlite_schema").run();
 }
 
@@ -169,9 +162,9 @@ Connection copy_in_memory(const Connection& file) {
   Connection copy(file.path(), Connection::Mode::kMemory, Nanos(0));
   sqlite3_backup* backup = sqlite3_backup_init(copy.handle(), "main", file.handle(), "main");
   if (backup == nullptr) copy.fail(sqlite3_errcode(copy.handle()));
-  sqlite3_backup_step(backup, -1);
-  const int code = sqlite3_backup_finish(backup);
-  if (code != SQLITE_OK) copy.fail(code);
+  const int code = sqlite3_backup_step(backup, -1);
+  sqlite3_backup_finish(backup);  // which does not repeat that the file is busy
+  if (code != SQLITE_DONE) file.fail(code);
   return copy;
 }
 

@@ -143,7 +143,7 @@ std::vector<UnitTimeRow> read_unit_times(const Connection& connection, const std
   Statement query(
       connection,
       "SELECT run_id, unit, sleep_ns, doubts, reasons, samples, median_ns, mad_ns, p95_ns, "
-      "p99_ns, ci_low_ns, ci_high_ns, phase FROM unit_time_summary WHERE platform = ? "
+      "p99_ns, ci_low_ns, ci_high_ns, phase, backend FROM unit_time_summary WHERE platform = ? "
       "AND run_id BETWEEN ? AND ? ORDER BY phase = 'reread' AND NOT EXISTS (SELECT 1 FROM "
       "unit_time AS cold WHERE cold.run_id = unit_time_summary.run_id AND cold.unit = "
       "unit_time_summary.unit AND cold.phase = 'reread_cold'), run_id DESC");
@@ -163,6 +163,7 @@ std::vector<UnitTimeRow> read_unit_times(const Connection& connection, const std
     row.ci_low = query.optional_nanos(10);
     row.ci_high = query.optional_nanos(11);
     row.phase = unit_phase_from_string(query.text(12)).value();
+    row.backend = query.text(13);
     const auto phase = row.phase == UnitPhase::kRereadCold ? UnitPhase::kReread : row.phase;
     const auto [run, is_new] = chosen.try_emplace({row.unit, phase}, row.run_id);
     if (run->second == row.run_id) rows.push_back(std::move(row));
@@ -170,10 +171,10 @@ std::vector<UnitTimeRow> read_unit_times(const Connection& connection, const std
   return rows;
 }
 
+/// Those of all runs, newest first.
 std::vector<PeakRow> read_peaks(const Connection& connection, const std::string& platform,
                                 RunRange runs) {
   std::vector<PeakRow> rows;
-  std::set<std::pair<std::string, PeakKind>> seen;
   Statement query(connection,
                   "SELECT run_id, unit, kind, per_second, variant, provenance, doubts, reasons "
                   "FROM peak JOIN run USING (run_id) WHERE platform = ? "
@@ -189,7 +190,7 @@ std::vector<PeakRow> read_peaks(const Connection& connection, const std::string&
     row.provenance = provenance_from_string(query.text(5)).value();
     row.doubts = split_words(query.text(6));
     row.reasons = split_words(query.text(7));
-    if (seen.emplace(row.unit, row.kind).second) rows.push_back(std::move(row));
+    rows.push_back(std::move(row));
   }
   return rows;
 }
@@ -263,6 +264,14 @@ std::string choose_platform(const Connection& connection, std::string_view wishe
   }
   const std::string path = connection.path().string();
   if (known.empty()) {
+    Statement kept(connection, "SELECT count(*) FROM visit WHERE run_id BETWEEN ? AND ?");
+    kept.bind(runs.first).bind(runs.last).step();
+    if (kept.integer(0) > 0) {
+      throw_bad_input(fmt::format(
+          "profile database '{}' holds no measurements of a whole cell yet; processes kept of a "
+          "run that did not end: {}; let it end, or go on with: pirt characterize --resume --db {}",
+          path, kept.integer(0), path_in_shell(path)));
+    }
     throw_bad_input(fmt::format(
         "profile database '{}' holds no measurements; add some with: pirt characterize --db {}",
         path, path_in_shell(path)));
@@ -400,7 +409,10 @@ Profile ProfileReader::read(std::string_view platform, RunRange runs) const {
   profile.conditions = read_phases(*connection_, "condition_summary", chosen, runs);
   profile.unit_times = read_unit_times(*connection_, chosen, runs);
   profile.energies = read_energies(*connection_, chosen, runs);
-  profile.peaks = read_peaks(*connection_, chosen, runs);
+  for (PeakRow& row : read_peaks(*connection_, chosen, runs)) {
+    const bool is_newest = profile.find_peak(row.unit, row.kind) == nullptr;
+    (is_newest ? profile.peaks : profile.earlier_peaks).push_back(std::move(row));
+  }
   std::set<std::int64_t, std::greater<>> run_ids;
   for (const PhaseRow& row : profile.phases) run_ids.insert(row.run_id);
   for (const PhaseRow& row : profile.conditions) run_ids.insert(row.run_id);
@@ -415,6 +427,12 @@ Profile ProfileReader::read(std::string_view platform, RunRange runs) const {
   learn_workloads(profile);
   doubt_older(profile);
   return profile;
+}
+
+std::string ProfileReader::newest_platform() const {
+  Statement query(*connection_,
+                  "SELECT platform FROM run ORDER BY finished IS NULL, run_id DESC LIMIT 1");
+  return query.step() ? query.text(0) : "";
 }
 
 std::vector<std::int64_t> ProfileReader::finished_runs(std::string_view platform) const {
@@ -438,11 +456,18 @@ std::vector<RunInfo> ProfileReader::unfinished_runs(std::string_view platform) c
 }
 
 void ProfileReader::read_samples(Profile& profile) const {
+  const Snapshot snapshot(*connection_);
   for (const RunInfo& run : profile.runs) {
     for (RowSamples& each : read_run_samples(*connection_, run.run_id)) {
       PhaseRow* row = row_of(profile, run.run_id,
                              {each.workload, each.unit, each.phase, each.state, each.condition});
       if (row == nullptr) continue;
+      if (row->samples != std::ssize(each.samples)) {
+        throw_environment(fmt::format(
+            "profile database '{}' was written while it was read: {} on {} has other samples now; "
+            "run again",
+            profile.path, each.workload, each.unit));
+      }
       row->values = std::move(each.samples);
       row->value_processes = std::move(each.processes);
     }

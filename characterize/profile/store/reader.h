@@ -43,6 +43,8 @@ class ProfileReader {
   /// @throws Error{kBadInput}: no runs, no run of that platform.
   [[nodiscard]] Profile read(std::string_view platform = {}, RunRange runs = {}) const;
 
+  /// That of the newest run that ended, or else of the newest at all; empty = there is none.
+  [[nodiscard]] std::string newest_platform() const;
   /// The runs of a platform that ended, newest first.
   [[nodiscard]] std::vector<std::int64_t> finished_runs(std::string_view platform) const;
   /// Those that did not end and have a plan, newest first.
@@ -50,6 +52,7 @@ class ProfileReader {
 
   /// Fills in the values of all rows: for whoever needs distributions, not medians alone.
   /// @param profile  Read from here.
+  /// @throws Error{kEnvironment} where another program has replaced a cell since.
   void read_samples(Profile& profile) const;
 
  private:

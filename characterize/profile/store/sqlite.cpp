@@ -7,6 +7,8 @@
 #include <thread>
 
 #include "workloads/base/error.h"
+#include "workloads/base/text/shell.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::sqlite {
 namespace {
@@ -123,6 +125,14 @@ void Connection::fail(int code) const {
                       "kept: check the disk and its limits, and run again",
                       path, detail));
     case SQLITE_READONLY:
+      if (code == SQLITE_READONLY_ROLLBACK) {
+        auto journal = follow_links(path_);
+        journal += "-journal";
+        throw_bad_input(fmt::format(
+            "the last writer of profile database '{}' was killed; what puts it right is '{}', and "
+            "nothing may be written there: copy both (cp {} {} FOLDER), and give the copy",
+            path, journal.string(), path_in_shell(path), path_in_shell(journal.string())));
+      }
       throw_bad_input(
           fmt::format("profile database '{}' cannot be written ({}); make the file and "
                       "its folder writable, or give another --db",

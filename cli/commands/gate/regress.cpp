@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "characterize/duet/readers.h"
+#include "characterize/profile/identity.h"
 #include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
 #include "cli/options/duration.h"
@@ -47,20 +48,32 @@ std::optional<Decisions> decide(const RegressOptions& options, std::optional<Pla
                                 const Profile& base, const Profile& candidate) {
   if (options.mix == "none") return std::nullopt;
   const Mix mix = load_mix(options.mix);
-  const auto shipped = shipped_platforms();
-  if (!platform && std::ranges::find(shipped, base.platform()) == shipped.end()) {
-    warn("what the mix costs is not shown: platform " + base.platform() +
-         " is not a shipped one; give its file with --platform");
+  try {
+    if (!platform) platform = platform_of(base);
+  } catch (const Error& error) {
+    warn(std::string("what the mix costs is not shown: ") + error.what());
     return std::nullopt;
   }
-  if (!platform) platform = platform_of(base);
   return compare_decisions(base, candidate, *platform, mix);
 }
 
 struct NamedTable {
   Profile profile;
-  std::string name;  ///< Its path, and how many runs it is made of.
+  std::string name;  ///< Its path, and how many runs and programs it is made of.
 };
+
+/// Of how many programs, or texts of the platform, the rows are.
+std::size_t count_programs(const Profile& profile) {
+  std::vector<const RunInfo*> programs;
+  for (const PhaseRow& row : profile.phases) {
+    const RunInfo* const run = profile.find_run(row.run_id);
+    const bool is_known = std::ranges::any_of(programs, [run](const RunInfo* each) {
+      return each == run || compare_program(*each, *run).empty();
+    });
+    if (!is_known) programs.push_back(run);
+  }
+  return programs.size();
+}
 
 NamedTable open_table(const std::string& path, const std::string& platform) {
   const ProfileReader reader(path);
@@ -70,6 +83,13 @@ NamedTable open_table(const std::string& path, const std::string& platform) {
   if (pooled.left_out > 0) {
     table.name += fmt::format(" ({} of another program, platform or workload file left out)",
                               pooled.left_out);
+  }
+  const std::size_t programs = count_programs(table.profile);
+  if (programs > 1) table.name += fmt::format(" (rows of {} programs or platforms)", programs);
+  // Also what came to no row of its own: the gate asks what it was to measure.
+  for (RunInfo& run : reader.unfinished_runs(table.profile.platform())) {
+    const bool is_known = table.profile.find_run(run.run_id) != nullptr;
+    if (!is_known) table.profile.runs.push_back(std::move(run));
   }
   return table;
 }
@@ -99,13 +119,13 @@ GateReport compare(const RegressOptions& options) {
                     .result = judge(diff_profiles(base.profile, candidate.profile)),
                     .decisions = decide(options, platform, base.profile, candidate.profile),
                     .rule = {}};
-  describe_rule(GateThresholds{}, report);
   if (!options.anchor.empty()) {
     refuse_same_file(options.anchor, candidate_path, "; give an older base as --anchor");
     const NamedTable anchor = open_table(options.anchor, name);
     report.anchor = anchor.name;
     add_anchor(judge(diff_profiles(anchor.profile, candidate.profile)), report.result);
   }
+  describe_rule(GateThresholds{}, report);
   keep_workloads(report, wanted);
   return report;
 }

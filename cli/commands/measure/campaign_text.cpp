@@ -204,8 +204,8 @@ std::string out_of_time_text(const CampaignSummary& summary, const CampaignPlan&
   return fmt::format(
       "The time was over (--max-time, {} min): {}. Go on with more in all: pirt characterize "
       "--resume --max-time {}min --db {}",
-      minutes(plan.max_time), join(missing, "; "),
-      std::chrono::ceil<std::chrono::minutes>(2 * plan.max_time).count(), path_in_shell(database));
+      minutes(plan.max_time), join(missing, "; "), longer_minutes(plan.max_time, summary.elapsed),
+      path_in_shell(database));
 }
 
 std::string summary_text(const CampaignSummary& summary, const CampaignPlan& plan,

@@ -163,21 +163,6 @@ CampaignSummary measure(const CampaignOptions& campaign, const CampaignPlan& pla
   }
 }
 
-/// The devices of the plan that have memory of their own, as doctor judges them.
-std::vector<DeviceInfo> devices_of(const CampaignPlan& plan) {
-  std::vector<DeviceInfo> devices;
-  for (const UnitRecord& unit : plan.units) {
-    const auto pci = plan.facts.find("unit." + unit.unit + ".pci");
-    if (unit.device_is_cpu || pci == plan.facts.end()) continue;
-    DeviceInfo device;
-    device.name = unit.device;
-    device.pci = pci->second;
-    device.own_memory = true;
-    devices.push_back(std::move(device));
-  }
-  return devices;
-}
-
 /// Said before the time is spent: what `pirt doctor` calls spoiling makes rows uncertain.
 void warn_of_what_spoils(const CampaignPlan& plan, const CampaignOptions& campaign,
                          const DoctorSnapshot& before) {
@@ -191,8 +176,8 @@ void warn_of_what_spoils(const CampaignPlan& plan, const CampaignOptions& campai
   for (const UnitRecord& unit : plan.units) {
     input.units->push_back({unit.unit, unit.device, "", unit.cores});
   }
-  input.devices = devices_of(plan);
-  if (!input.devices->empty()) input.nvml = read_nvml();
+  input.devices = plan.devices;
+  if (std::ranges::any_of(plan.devices, &DeviceInfo::own_memory)) input.nvml = read_nvml();
   const auto folder = std::filesystem::absolute(campaign.database).parent_path();
   for (const auto& each : {scratch_base(), folder}) input.disks.push_back(free_space(each));
   input.readable = [](const std::filesystem::path&) { return true; };  // Meters are chosen.
@@ -343,9 +328,11 @@ void add_characterize(CLI::App& app, Action& action) {
             "Sample until the 95 % interval of each median of call and execute, over processes, is "
             "within +/- this, or the time is up; a fraction or a percentage")
       .shows_default();
-  add_value(command, "--max-time", &options->max_time, "DURATION", no_duration,
-            "Total time after which nothing begins to be measured, e.g. 5min; with --resume, that "
-            "of the whole run (default: 15 s a cell, or 3min if that is more; 3min with --quick)");
+  add_value(
+      command, "--max-time", &options->max_time, "DURATION", no_duration,
+      "Total time after which nothing begins to be measured, e.g. 5min; with --resume, that "
+      "of the whole run (default: 15 s a cell, or 3min if that is more; 3min with --quick, and up "
+      "to 6 more where meters are read)");
   command.add_flag("--strict", options->strict,
                    "Exit code 3 if every row of calls that was measured is uncertain (?)");
   add_seed(command, options->seed, "Seed of inputs, weights and the order of measuring");

@@ -102,7 +102,9 @@ void add_doctor(CLI::App& app, Action& action) {
             "compute meanwhile")
       .shows_default();
   add_input(command, "--root", &options->root,
-            "Judge a recorded machine: a folder with copies of its /proc and /sys");
+            "Judge a recorded machine: a folder with copies of its /proc and /sys")
+      .excludes(command.option("--platform"))
+      .excludes(command.option("--seconds"));
   add_json(command, options->json);
   command.footer(
       "Exit codes: 0 nothing spoils a measurement, 1 something does, 4 no unit can be measured.\n"

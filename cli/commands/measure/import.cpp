@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 
+#include "characterize/platform/platform.h"
 #include "characterize/published/published.h"
 #include "cli/commands.h"
 #include "cli/options/files.h"
@@ -25,6 +26,22 @@ struct ImportFlags {
   Output platform_file;
   Output json;
 };
+
+/// Where a board is called as a platform that is shipped, whose units and cloud it would have.
+void check_shipped(const Publication& publication, const ImportFlags& options) {
+  const auto shipped = shipped_platforms();
+  for (const PublishedBoard& board : publication.boards) {
+    if (std::ranges::find(shipped, board.name) == shipped.end()) continue;
+    if (!options.name) {
+      throw_bad_input(fmt::format(
+          "'{}' makes a board {}, which pirt has a platform of: --name {} gives its units these "
+          "times, another --name makes a platform of its own",
+          options.file, board.name, board.name));
+    }
+    const Platform platform = load_platform(board.name);
+    for (const PublishedUnit& unit : board.units) static_cast<void>(platform.unit(unit.name));
+  }
+}
 
 /// Those that are asked for, called as is asked for.
 void choose(Publication& publication, const ImportFlags& options) {
@@ -49,6 +66,7 @@ void choose(Publication& publication, const ImportFlags& options) {
   for (auto& board : publication.boards) {
     if (options.name) board.name = *options.name;
   }
+  check_shipped(publication, options);
 }
 
 std::string medians(const PublishedFigure& figure) {

@@ -1,5 +1,6 @@
 // pirt list: what this build and this machine have.
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <map>
@@ -243,9 +244,7 @@ Listing list_backends() {
 }
 
 std::string core_list(const std::vector<int>& cores) {
-  std::vector<std::string> parts;
-  for (const int core : cores) parts.push_back(std::to_string(core));
-  return parts.empty() ? "-" : join(parts, ",");
+  return cores.empty() ? "-" : fmt::format("{}", fmt::join(cores, ","));
 }
 
 /// The device that a unit of the platform would compute on, or why it cannot; the unit's watts

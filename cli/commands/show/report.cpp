@@ -50,14 +50,10 @@ struct ReportFlags {
   Output json;
 };
 
+/// Of one that the kind of report knows.
 Format parse_format(const std::string& name) {
   if (name == "text") return Format::kText;
-  if (name == "md") return Format::kMarkdown;
-  if (name == "html") return Format::kHtml;
-  if (name == "json")
-    throw_bad_input("--format json is written --json FILE, or --json - for stdout");
-  const std::vector<std::string> known = {"text", "md", "html"};
-  throw_bad_input("unknown --format '" + name + "'" + suggestion(name, known));
+  return name == "md" ? Format::kMarkdown : Format::kHtml;
 }
 
 /// What is asked for, where and as what.
@@ -87,14 +83,17 @@ Files sort_files(const std::vector<std::string>& files) {
   Files sorted;
   for (const auto& file : files) {
     std::array<char, 4096> begin{};
-    std::error_code missing;  // which opening it explains
-    if (std::filesystem::is_regular_file(file, missing)) {
+    std::error_code missing;
+    const auto status = std::filesystem::status(file, missing);
+    if (std::filesystem::is_regular_file(status)) {
       std::ifstream(file, std::ios::binary).read(begin.data(), begin.size());
     }
     std::string_view text(begin.data(), begin.size());
     if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);  // the mark that readers skip
     text.remove_prefix(std::min(text.find_first_not_of(" \t\r\n"), text.size()));
-    if (text.starts_with("SQLite format 3") ||
+    // Opening it explains what is not there: a database, unless it is called as records are.
+    const bool missed = !std::filesystem::exists(status) && !file.ends_with(".json");
+    if (text.starts_with("SQLite format 3") || missed ||
         (&file == &files.front() && !text.starts_with('[') && !text.starts_with('{'))) {
       sorted.databases.push_back(file);
     } else if (text.starts_with('[') || text.find("\"traceEvents\"") != std::string_view::npos) {
@@ -491,12 +490,13 @@ constexpr Kind kPaper = {
     report_paper};
 
 int report(const ReportFlags& options, const Kind& kind) {
-  static_cast<void>(parse_format(options.format));  // before anything is computed
   const auto formats = split(kind.formats, '|');
   if (std::ranges::find(formats, options.format) == formats.end()) {
-    throw_bad_input(fmt::format(
-        "pirt report {} knows --format {}, not '{}'{}", kind.name, join(formats, " and "),
-        options.format, options.format == "html" ? "; pirt report page writes a page" : ""));
+    const char* instead = "";
+    if (options.format == "html") instead = "; pirt report page writes a page";
+    if (options.format == "json") instead = "; that is --json FILE, or --json - for stdout";
+    throw_bad_input(fmt::format("pirt report {} knows --format {}, not '{}'{}", kind.name,
+                                join(formats, " and "), options.format, instead));
   }
   const bool of_modes = kind.write == report_all || kind.write == report_compare;
   if (options.files.empty() && kind.write != report_paper && !(of_modes && options.platform)) {

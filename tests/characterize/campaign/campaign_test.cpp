@@ -10,6 +10,7 @@
 #include "characterize/campaign/live_rows.h"
 #include "characterize/machine/environment_keys.h"
 #include "characterize/profile/identity.h"
+#include "characterize/profile/own_rows.h"
 #include "characterize/profile/profile.h"
 #include "characterize/profile/roofline.h"
 #include "characterize/profile/store/reader.h"
@@ -18,7 +19,9 @@
 #include "tests/support/data.h"
 #include "workloads/base/system/caches.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/catalog/own_list.h"
 #include "workloads/inputs/pictures/images.h"
+#include "workloads/own/definition.h"
 
 namespace pirt {
 namespace {
@@ -150,6 +153,32 @@ TEST_F(Campaign, RowsOfALiveRunNeedTheMemoryThatTheOldOnesNeeded) {
   const Profile profile = load_profile(folder / "p.db");
   EXPECT_EQ(row(profile, "pool5", Phase::kCall).host_memory_bytes, 10'000'000);
   EXPECT_EQ(row(profile, "pool5", Phase::kCall).device_memory_bytes, 2'000'000);
+}
+
+TEST_F(Campaign, RowsOfALiveRunAreDoubtedWhenTheirCodeIsBuiltAnew) {
+  own::Definition definition;
+  definition.name = "my.live";
+  definition.digest = "of then";
+  definition.outputs = {own::tensor_from("out", "u8[4]")};
+  definition.backends = {"cpu"};
+  std::vector<Workload> one;
+  one.push_back(own::to_workload(definition));
+  make_known(std::move(one));
+  LiveRow live;
+  live.replaced.workload = "my.live";
+  live.replaced.unit = "gpu";
+  live.metered = true;
+  live.samples[Phase::kCall] = test::ramp(1'000'000, 20);
+  DeviceInfo device;
+  device.name = "scripted";
+  {
+    ProfileWriter writer(folder / "p.db");
+    write_live_rows(writer, test::fake_platform({{"gpu", ""}}), {{"gpu", device}}, 1, {&live, 1});
+  }
+  Profile profile = load_profile(folder / "p.db");
+  EXPECT_EQ(doubt_changed(profile, {"my.live"}, "of then"), "");
+  EXPECT_EQ(doubt_changed(profile, {"my.live"}, "of now"), "my.live");
+  EXPECT_THAT(row(profile, "my.live", Phase::kCall).doubts, Contains(kChanged));
 }
 
 TEST_F(Campaign, MarksWrongOutputInvalidBeforeTiming) {

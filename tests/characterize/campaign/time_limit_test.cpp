@@ -9,6 +9,7 @@
 #include "characterize/campaign/campaign.h"
 #include "characterize/profile/store/reader.h"
 #include "tests/characterize/campaign/campaign_support.h"
+#include "tests/characterize/energy/sysfs_tree.h"
 #include "tests/support/paths.h"
 
 namespace pirt {
@@ -152,6 +153,8 @@ TEST_F(TimeLimit, IsToBeRaisedWhereItIsSpent) {
   rest.resumed->spent = std::chrono::minutes(10);  // A raised time, which the run does not keep.
   EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return plan_campaign(rest); }),
               HasSubstr("--max-time 20min"));
+  EXPECT_EQ(longer_minutes(std::chrono::seconds(5), std::chrono::seconds(70)), 3)
+      << "a first process of 70 s is not given up";
   rest = resumed();
   rest.max_time = std::chrono::minutes(5);
   rest.precision_time.reset();
@@ -244,6 +247,22 @@ TEST_F(TimeLimit, OfAQuickRunIsThreeMinutesInAll) {
   o.max_time = std::chrono::seconds(7);
   EXPECT_EQ(plan_campaign(o).precision_time, std::chrono::seconds(7));
   EXPECT_LE(plan_campaign(o).estimate.total, std::chrono::seconds(7));
+}
+
+TEST_F(TimeLimit, OfAQuickRunIsLongerByWhatMetersTakeAndBySixMinutesAtMost) {
+  const test::SysfsTree tree;
+  tree.write("class/hwmon/hwmon0/name", "power_meter");
+  tree.write("class/hwmon/hwmon0/power1_average", "1200000000");
+  auto o = options({{"gpu", ""}});
+  o.sysfs = tree.root();
+  o.platform.units.front().meter = "power_meter/power1";
+  // Three times three windows of 0.5 s, of two cells.
+  const CampaignPlan plan = plan_campaign(o);
+  EXPECT_EQ(plan.max_time, std::chrono::seconds(180 + 9));
+  EXPECT_LE(plan.estimate.needed, plan.max_time);
+  // Windows of 50 s.
+  tree.write("class/hwmon/hwmon0/power1_average_interval", "10000");
+  EXPECT_EQ(plan_campaign(o).max_time, std::chrono::minutes(9));
 }
 
 TEST_F(TimeLimit, TheEstimateCountsPeaksAndTimesOfUnits) {

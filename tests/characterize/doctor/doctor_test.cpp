@@ -72,6 +72,7 @@ Finding finding_of(const DoctorInput& input, const std::string& check) {
 /// As the machine's OpenCL has them: the host's cores, and a card.
 std::vector<DeviceInfo> with_card(const std::string& name = "NVIDIA H100") {
   DeviceInfo card{.name = name, .platform = "a platform", .version = "OpenCL 3.0, driver 535"};
+  card.compute_units = 132;
   card.pci = "0000:01:00.0";
   card.own_memory = true;
   return {card, {.name = "cpu-EPYC", .platform = "PoCL", .version = "1", .is_cpu = true}};
@@ -273,8 +274,14 @@ TEST_F(Doctor, SaysWhatAGpuIs) {
   input.nvml = nvml_facts("boards=01,41");
   EXPECT_EQ(finding_of(input, "gpu 0").found,
             "NVIDIA H100 (OpenCL 3.0, driver 535), 0000:01:00.0, PCIe 3.0 x16 (at most 5.0 x16), "
-            "80.0 GB, 79.0 GB free, at most 700 W, ECC on");
+            "80.0 GB, 79.0 GB free, at most 700 W, ECC on, all of its time for one context");
   EXPECT_EQ(verdict(diagnose(input)), Level::kGood);
+  for (const auto& [script, share] : {std::pair{"pids=1,2", "1/3 of its time for a context"},
+                                      {"pids_status=3", "a context's share of its time not known"},
+                                      {"mig=1", "a MIG instance of 132 compute units"}}) {
+    input.nvml = nvml_facts(script);
+    EXPECT_THAT(finding_of(input, "gpu 0").found, testing::EndsWith(share));
+  }
   input.nvml = nvml_facts("boards=01 ecc_status=3");
   EXPECT_THAT(finding_of(input, "gpu 0").found, testing::Not(HasSubstr("ECC")));
   input.nvml = nvml_facts("boards=41");
@@ -344,7 +351,7 @@ TEST_F(Doctor, FindsCoresOfDifferentKinds) {
 
 TEST_F(Doctor, FindsABoardOfNvidiasThatOpenClDoesNotReach) {
   for (const std::string& trace :
-       {std::string("sys/bus/pci/devices/0000:01:00.0/vendor"), std::string("dev/nvidia0"),
+       {std::string("sys/bus/pci/devices/0000:01:00.0/vendor"), std::string("dev/nvidiactl"),
         std::string("proc/driver/nvidia/version")}) {
     const TemporaryFolder root;
     auto machine = test::healthy_board(root.path());
@@ -363,6 +370,7 @@ TEST_F(Doctor, FindsABoardOfNvidiasThatOpenClDoesNotReach) {
     EXPECT_THAT(checks_at(diagnose(input), Level::kNote), IsEmpty());
     input.nvml = NvmlFacts{.boards = {}, .missing = "libnvidia-ml.so.1: not found"};
     EXPECT_EQ(finding_of(input, "gpu driver").found, "NVML: libnvidia-ml.so.1: not found");
+    EXPECT_THAT(finding_of(input, "gpu driver").remedy, HasSubstr("reboot"));
     EXPECT_EQ(verdict(diagnose(input)), Level::kGood) << "what is measured is right";
   }
   // A sound card of the same maker is no board.

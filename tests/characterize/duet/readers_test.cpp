@@ -41,6 +41,11 @@ TEST(OutputReader, TimeIsThatOfTheProcessWhateverItPrints) {
   const Sample sample = find_reader("time").read(process);
   EXPECT_EQ(sample.seconds.at("memory"), 4096);
   EXPECT_EQ(sample.measures.at("memory").unit, "bytes");
+  // What may be pirt's own is nobody's: a program of 2 MB and one of 6 would be the same.
+  process.inherited_bytes = 4000;
+  EXPECT_EQ(find_reader("time").read(process).seconds.at("memory"), 0);
+  process.peak_bytes = 4401;
+  EXPECT_EQ(find_reader("time").read(process).seconds.at("memory"), 4401);
 }
 
 // As version 1.7.1 writes it, cut to what is read.

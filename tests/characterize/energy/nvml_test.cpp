@@ -56,8 +56,7 @@ class Nvml : public testing::Test {
     return plan;
   }
 
- private:
-  test::SysfsTree tree_;
+  const test::SysfsTree tree_;
 };
 
 TEST_F(Nvml, ABoardCountsItsEnergyInMicrojoules) {
@@ -170,6 +169,21 @@ TEST_F(Nvml, AnOnlyBoardIsTakenForADeviceThatDoesNotSayWhichItIs) {
   EXPECT_EQ(names_of(choice.meters), "nvidia/0000:01:00.0");
   EXPECT_THAT(choice.remark, HasSubstr("the only board with a meter"));
   EXPECT_THAT(choose(found, "0000:02:00.0").meters, IsEmpty());
+}
+
+// What a server draws as a whole, by an ACPI power meter, is none of a card's energy.
+TEST_F(Nvml, ACardWithAMeterOfItsOwnHasNoOther) {
+  tree_.write("class/hwmon/hwmon0/name", "power_meter");
+  tree_.write("class/hwmon/hwmon0/power1_average", "1200000000");
+  const auto found = discover("boards=01");
+  EXPECT_EQ(names_of(choose(found, "0000:01:00.0").meters), "nvidia/0000:01:00.0");
+  EXPECT_EQ(choose(found, "0000:01:00.0").remark, "");
+  for (const auto* unknown : {"", "0000:81:00.0"}) {
+    EXPECT_EQ(names_of(choose(found, unknown).meters), "power_meter/power1");
+  }
+  const auto in_parts = discover("boards=01 mig=1");
+  EXPECT_THAT(choose(in_parts, "0000:01:00.0").meters, IsEmpty());
+  EXPECT_THAT(choose(in_parts, "0000:01:00.0").remark, HasSubstr("MIG is on"));
 }
 
 TEST_F(Nvml, ALostBoardIsAFailedReading) {

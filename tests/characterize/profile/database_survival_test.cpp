@@ -321,10 +321,51 @@ TEST(DatabaseSurvival, SaysThatItCannotRollBackWhereItMayNotWrite) {
   ::chmod(folder.path().c_str(), 0555);
   test::as_nobody([&] {
     EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "p.db"); }),
-                HasSubstr("make the file and its folder writable"));
+                HasSubstr("copy both"));
   });
   ::chmod(folder.path().c_str(), 0755);
   EXPECT_THAT(folder.entries(), ElementsAre("p.db", "p.db-journal"));
+}
+
+// That of a writer that lives is there for as long as a transaction takes.
+TEST(DatabaseSurvival, IsReadBesideAJournalOfAWriterThatLivesByWhoMayNotWrite) {
+  const TemporaryFolder folder;
+  test::write_one_run(folder / "p.db");
+  int ends[2] = {-1, -1};
+  ASSERT_EQ(::pipe(ends), 0);
+  const pid_t writer = ::fork();
+  if (writer == 0) {
+    sqlite3* handle = nullptr;
+    sqlite3_open((folder / "p.db").c_str(), &handle);
+    sqlite3_exec(handle, "BEGIN IMMEDIATE; UPDATE sample SET ns = 0", nullptr, nullptr, nullptr);
+    if (::write(ends[1], "x", 1) == 1) ::pause();
+    ::_exit(0);
+  }
+  ::close(ends[1]);
+  char begun = 0;
+  EXPECT_EQ(::read(ends[0], &begun, 1), 1);
+  ::close(ends[0]);
+  std::error_code missing;
+  EXPECT_GT(std::filesystem::file_size(folder / "p.db-journal", missing), 0U);
+  EXPECT_FALSE(missing);
+  ::chmod((folder / "p.db").c_str(), 0444);
+  ::chmod((folder / "p.db-journal").c_str(), 0444);
+  ::chmod(folder.path().c_str(), 0555);
+  const int status = in_child([&] {
+    // access(), too, asks for the user whom permissions bind.
+    constexpr uid_t kNobody = 65534;
+    if (::geteuid() == 0 && ::setresuid(kNobody, kNobody, kNobody) != 0) ::_exit(1);
+    try {
+      ::_exit(load_profile(folder / "p.db").runs.size() == 1 ? 0 : 2);
+    } catch (const std::exception& error) {
+      fmt::print(stderr, "{}\n", error.what());
+      ::_exit(3);
+    }
+  });
+  EXPECT_EQ(status, 0);
+  ::chmod(folder.path().c_str(), 0755);
+  ::kill(writer, SIGKILL);
+  ::waitpid(writer, nullptr, 0);
 }
 
 }  // namespace

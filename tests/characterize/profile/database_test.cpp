@@ -260,8 +260,17 @@ TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
 TEST(Database, ExplainsThatThereIsNothingInIt) {
   const TemporaryFolder folder;
   { const ProfileWriter writer(folder / "p.db"); }
-  EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "p.db"); }),
-              HasSubstr("holds no measurements"));
+  const auto problem = [&] {
+    return error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "p.db"); });
+  };
+  EXPECT_THAT(problem(), HasSubstr("holds no measurements; add some with"));
+  // A killed run, or one that is in its first minutes, has kept processes of cells.
+  ProfileWriter writer(folder / "p.db");
+  const auto run = writer.begin_run(small_run());
+  EXPECT_THAT(problem(), HasSubstr("holds no measurements; add some with"));
+  writer.write_visit(run, {"sobel", "cpu"}, {0, State::kCold, "record"});
+  EXPECT_THAT(problem(), AllOf(HasSubstr("holds no measurements"), HasSubstr("did not end: 1;"),
+                               HasSubstr("characterize --resume --db")));
 }
 
 TEST(Database, TakesEveryPathForAFile) {

@@ -55,6 +55,20 @@ TEST(Profile, DoubtsWhatWasMeasuredOfAnotherFileThanTheNewestRun) {
   }
 }
 
+TEST(Profile, AFileDoesNotHaveWhatWasMeasuredOfAnotherSince) {
+  Profile profile;  // The newest run comes first.
+  for (const char* file : {"/robot/v.yaml", "/robot/w.yaml"}) {
+    own::Definition definition;
+    definition.name = "my.moved";
+    definition.source = definition.digest = file;
+    definition.outputs = {own::tensor_from("out", "u8[4]")};
+    definition.backends = {"cpu"};
+    profile.runs.emplace_back().environment = own_facts(own::to_workload(definition));
+  }
+  EXPECT_THAT(measured_of(profile, "/robot/v.yaml", ""), ElementsAre("my.moved"));
+  EXPECT_THAT(measured_of(profile, "/robot/w.yaml", ""), ::testing::IsEmpty());
+}
+
 TEST(Profile, RoundTripsEveryField) {
   const TemporaryFolder folder;
   CellRecord cell = small_cell("sobel", "gpu");
@@ -303,6 +317,26 @@ TEST(Profile, ReadsTheSamplesOfEachRowFromItsRun) {
               ElementsAre(Nanos(3), Nanos(1), Nanos(2)));
   EXPECT_THAT(profile.find("gaussian_blur", "gpu", Phase::kCall)->values,
               ElementsAre(Nanos(7), Nanos(5)));
+}
+
+// A cell that --resume replaces between the two.
+TEST(ProfileReader, TakesNoSamplesOfAnotherStateThanTheRows) {
+  const TemporaryFolder folder;
+  ProfileWriter writer(folder / "p.db");
+  const auto run = writer.begin_run(small_run());
+  writer.write_visit(run, {"sobel", "gpu"}, {0, State::kCold, "record"});
+  writer.write_interrupted_cell(run, small_cell("sobel", "gpu"));
+  const ProfileReader reader(folder / "p.db");
+  Profile profile = reader.read();
+  CellRecord whole = small_cell("sobel", "gpu");
+  whole.phases[1].samples = test::ramp(1000, 400);
+  writer.write_cell(run, whole);
+  EXPECT_THAT(error_of(ErrorCode::kEnvironment,
+                       [&] {
+                         reader.read_samples(profile);
+                         return 0;
+                       }),
+              HasSubstr("sobel on gpu has other samples now"));
 }
 
 TEST(ProfileReader, DoesNotKeepARunFromBeingAppendedAndSeesIt) {

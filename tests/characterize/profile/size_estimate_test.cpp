@@ -8,6 +8,8 @@
 #include <functional>
 
 #include "workloads/base/math/random.h"
+#include "workloads/catalog/own_list.h"
+#include "workloads/own/definition.h"
 
 namespace pirt {
 namespace {
@@ -133,6 +135,29 @@ TEST(SizeEstimate, OfListsGoesByWhatTheyAreMadeOf) {
   const auto gaps = size_gaps(profile, {"feature_detect@1024x768"});
   ASSERT_THAT(gaps, SizeIs(1));
   ASSERT_THAT(gaps[0].why_not, IsEmpty()) << "corners are as many at any size";
+  EXPECT_NEAR(to_ms(*add_estimate(profile, gaps[0]).median), linear_ms(1024, 768), 0.02);
+}
+
+TEST(SizeEstimate, OfWhatMakesAsMuchAtAnySizeGoesByWhatItTakes) {
+  own::Definition counts;
+  counts.name = "mine.counts";
+  counts.inputs = {own::tensor_from("image", "u8[height,width]")};
+  counts.outputs = {own::tensor_from("counts", "i32[256]")};
+  counts.size = own::Size{640, 480};
+  counts.backends = {"cpu"};
+  std::vector<Workload> one;
+  one.push_back(own::to_workload(counts));
+  make_known(std::move(one));
+  Profile profile;
+  for (const auto& [width, height] :
+       std::vector<std::pair<int, int>>{{320, 240}, {800, 600}, {1280, 720}, {1600, 1200}}) {
+    profile.phases.push_back(
+        sized_row("mine.counts@" + std::to_string(width) + "x" + std::to_string(height),
+                  linear_ms(width, height)));
+  }
+  const auto gaps = size_gaps(profile, {"mine.counts@1024x768"});
+  ASSERT_THAT(gaps, SizeIs(1));
+  ASSERT_THAT(gaps[0].why_not, IsEmpty());
   EXPECT_NEAR(to_ms(*add_estimate(profile, gaps[0]).median), linear_ms(1024, 768), 0.02);
 }
 

@@ -79,6 +79,25 @@ TEST(Published, NcnnHasABoardForEachSocEditionAndNumberOfThreads) {
   EXPECT_EQ(publication.boards[2].edition, "new");
 }
 
+TEST(Published, NcnnHasAUnitForEachClusterOfASoc) {
+  const auto publication = read_publication("t.csv",
+                                            "soc,unit,threads,network,avg_ms\n"
+                                            "Kirin 970,CPU A73,4,squeezenet,50\n"
+                                            "Kirin 970,CPU A53,4,squeezenet,120\n"
+                                            "Kirin 970,CPU A73,4,alexnet,90\n"
+                                            "Kirin 970,CPU A53,4,alexnet,200\n");
+  ASSERT_EQ(publication.boards.size(), 1U);
+  const PublishedBoard& board = publication.boards[0];
+  ASSERT_EQ(board.units.size(), 2U);
+  EXPECT_EQ(board.units[0].name, "cpu");
+  EXPECT_EQ(board.units[1].name, "cpu_a53");
+  EXPECT_EQ(board.units[1].device, "CPU A53, 4 threads");
+  ASSERT_EQ(board.figures.size(), 4U);
+  EXPECT_THAT(board.figures[0].samples, ElementsAre(from_ms(50)));
+  EXPECT_EQ(board.figures[1].unit, "cpu_a53");
+  EXPECT_THAT(board.figures[1].samples, ElementsAre(from_ms(120)));
+}
+
 TEST(Published, NcnnIsRefusedWithTheLine) {
   const std::string head = "soc,unit,threads,network,avg_ms\n";
   const auto problem = [&](const std::string& text) {

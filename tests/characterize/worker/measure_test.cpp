@@ -340,10 +340,75 @@ TEST(Measure, SizesBatchesToAMillisecond) {
   EXPECT_EQ(batch_size(Nanos(0)), 100'000);  // the most
 }
 
+// A counter of 32.768 kHz; and a clock that takes 50 us to read.
+TEST(Measure, SizesBatchesToWhatTheClockCanTell) {
+  for (const ClockQuality& quality : {ClockQuality{200, Nanos(30'500)}, ClockQuality{5e4}}) {
+    const std::int64_t batch = batch_size(microseconds(100), quality);
+    EXPECT_GT(batch, 10);
+    EXPECT_FALSE(is_clock_bound(microseconds(100), batch, quality));
+    EXPECT_TRUE(is_clock_bound(microseconds(100), 10, quality));
+    EXPECT_EQ(batch_size(milliseconds(6), quality), 1);
+  }
+  EXPECT_EQ(batch_size(microseconds(3), kReal), 334);
+}
+
+// Calls of 2 ms as they are, and as the phases of a batch.
+TEST(Measure, OnACoarseClockNothingIsClockBound) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  kernel.upload_time = microseconds(500);
+  kernel.download_time = microseconds(500);
+  kernel.execute_times = {milliseconds(1)};
+  const ClockQuality coarse{200, Nanos(30'500)};
+  const PlayedCalls repeated{};
+  const PlayedCalls sequence{[] {}, 2};
+  for (const PlayedCalls* calls : {&repeated, &sequence}) {
+    for (const PhaseSamples& phase :
+         sample_calls(kernel, clock, coarse, kTransfers, twenty(), *calls)) {
+      EXPECT_FALSE(is_clock_bound(median(phase.samples), phase.batch, coarse))
+          << to_string(phase.phase);
+    }
+  }
+}
+
 TEST(Measure, KnowsTheCostOfAClock) {
   const ClockQuality quality = measure_clock(TickingClock(Nanos(40)));
   EXPECT_DOUBLE_EQ(quality.cost_ns, 40);
   EXPECT_EQ(quality.resolution, Nanos(40));
+}
+
+/// Steps of 4 ms, as jiffies.
+class Jiffies : public Clock {
+ public:
+  explicit Jiffies(const Clock& fine) : fine_(fine) {}
+  [[nodiscard]] Nanos now() const override {
+    const Nanos fine = fine_.now();
+    return fine - fine % milliseconds(4);
+  }
+
+ private:
+  const Clock& fine_;
+};
+
+// Of five calls most take no time that it shows.
+TEST(Measure, OnAClockOfMillisecondsBatchesAreOfWhatTheWholeWarmUpSays) {
+  TickingClock fine{Nanos(40)};
+  TimedKernel kernel(fine);
+  kernel.execute_times = {milliseconds(1)};
+  auto options = twenty();
+  options.warm_up = milliseconds(80);
+  const ClockQuality quality{40, milliseconds(4)};
+  const auto result = sample_calls(kernel, Jiffies(fine), quality, kHost, options);
+  EXPECT_GT(find(result, Phase::kCall).batch, 300);
+  EXPECT_LT(find(result, Phase::kCall).batch, 600);
+}
+
+// A clock that stands still through all of the rounds.
+TEST(Measure, KnowsTheCostAndStepOfAClockOfMilliseconds) {
+  const ClockQuality quality = measure_clock(Jiffies(TickingClock(Nanos(40))));
+  EXPECT_NEAR(quality.cost_ns, 40, 0.1);
+  EXPECT_EQ(quality.resolution, Nanos(milliseconds(4)));
+  EXPECT_EQ(measure_clock(TickingClock(Nanos(0))).cost_ns, 0.1) << "0 is a simulated clock's";
 }
 
 TEST(Measure, KnowsTheMachinesClock) {

@@ -3,8 +3,15 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <thread>
+
 #include "characterize/platform/platform.h"
+#include "characterize/worker/worker.h"
 #include "workloads/base/error.h"
+#include "workloads/catalog/own_list.h"
+#include "workloads/model/function_kernel.h"
+#include "workloads/own/definition.h"
 
 namespace pirt {
 namespace {
@@ -18,6 +25,39 @@ TEST(Neighbour, IsAtItUntilItGoes) {
 
 TEST(Neighbour, SaysThatACoreIsNotThere) {
   EXPECT_THROW(Neighbour({usable_cores().front(), 4095}, Neighbour::Work::kComputes), Error);
+}
+
+// Beside two neighbours ten calls each of 2 ms take no quarter of 10 s, and half of 80 ms.
+TEST(Neighbour, IsNotThereForCallsThatTakeTooLong) {
+  own::Definition definition;
+  definition.name = "my.slow";
+  definition.outputs = {own::tensor_from("out", "u8[4]")};
+  definition.backends = {"cpu"};
+  definition.functions = [](own::Size) {
+    return own::Functions{.cpu = [](std::span<const Tensor>, int) {
+      return std::make_unique<FunctionKernel>([](std::span<const Tensor>, std::span<Tensor>) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+      });
+    }};
+  };
+  std::vector<Workload> one;
+  one.push_back(own::to_workload(definition));
+  make_known(std::move(one));
+  Job job;
+  job.kind = JobKind::kSample;
+  job.backend = "cpu";
+  job.workload = "my.slow";
+  job.sampling.warm_up = job.sampling.slice = Nanos(0);
+  job.sampling.condition_samples = 10;
+  job.neighbours.assign(2, {usable_cores().back()});
+  for (const bool too_long : {false, true}) {
+    job.sampling.limit = std::chrono::milliseconds(too_long ? 80 : 10'000);
+    const JobResult result = do_job(job);
+    EXPECT_FALSE(result.phases.empty());
+    EXPECT_EQ(std::ranges::count(result.conditions, Condition::kBesideMemory,
+                                 &ConditionSamples::condition),
+              too_long ? 0 : 1);
+  }
 }
 
 TEST(Platform, NeighboursAreThoseOfTheSameMemory) {

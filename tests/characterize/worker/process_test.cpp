@@ -8,6 +8,7 @@
 
 #include <chrono>
 #include <thread>
+#include <vector>
 
 #include "characterize/machine/system_files.h"
 #include "tests/characterize/support.h"
@@ -138,6 +139,16 @@ TEST(Process, TellsWhatItTook) {
                         std::to_string(bytes - 1) + " | wc -c"));
   EXPECT_GT(large.peak_bytes, bytes * 9 / 10) << large.diagnostics;
   EXPECT_LT(run_process(shell("true")).peak_bytes, bytes * 9 / 10);
+}
+
+// The kernel counts the forked copy of this process, too.
+TEST(Process, SaysWhatItsPeakMayBeThatOfThisProcess) {
+  std::vector<char> held(64U << 20, 'x');
+  volatile char* const kept = held.data();  // so that it is not left out
+  kept[0] = 'y';
+  const auto small = run_process(shell("true"));
+  EXPECT_GE(small.inherited_bytes, std::ssize(held));
+  EXPECT_LE(10 * small.peak_bytes, 11 * small.inherited_bytes);
 }
 
 TEST(Process, StopsWhenAsked) {
