@@ -69,7 +69,7 @@ if [[ -f build/CMakeCache.txt ]]; then fresh=(); fi
 PIRT_TARGET="pirt pirt_manual" step build "build: some 5 minutes on two cores the first time" build_pirt build "${fresh[@]}"
 platform=host
 if build/pirt list platforms | grep '^host-gpu  *yes ' >/dev/null; then platform=host-gpu; fi
-step characterize "characterize: every workload on every unit of this machine (platform $platform), some 2 minutes" \
+step characterize "characterize: every workload on every unit of this machine (platform $platform), some 2 minutes (up to 6 more where meters are read)" \
   build/pirt characterize --quick --platform "$platform" --db "$out/profile.db" "${images[@]}"
 step schedule "schedule: a robot's tasks (mix full-robot), 60 s of virtual time in each of four modes" schedule
 step report "report: as text, and as a page to look at" report

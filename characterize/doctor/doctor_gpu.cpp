@@ -67,6 +67,14 @@ const NvmlBoardFacts* board_of(const DoctorInput& input, const DeviceInfo& devic
   return found == input.nvml->boards.end() ? nullptr : &*found;
 }
 
+/// Contexts on a board compute in turns of one length.
+std::string share_text(const DeviceInfo& device, const NvmlBoardFacts& board) {
+  if (board.mig) return fmt::format("a MIG instance of {} compute units", device.compute_units);
+  if (!board.others) return "a context's share of its time not known";
+  if (*board.others == 0) return "all of its time for one context";
+  return fmt::format("1/{} of its time for a context", *board.others + 1);
+}
+
 std::string gpu_text(const DeviceInfo& device, const PciLink& link, const NvmlBoardFacts* board) {
   std::vector<std::string> parts = {fmt::format("{} ({})", device.name, device.version),
                                     device.pci.empty() ? "PCI id not known" : device.pci,
@@ -76,6 +84,7 @@ std::string gpu_text(const DeviceInfo& device, const PciLink& link, const NvmlBo
   if (board->free_gb) parts.push_back(fmt::format("{:.1f} GB free", *board->free_gb));
   if (board->limit_w) parts.push_back(fmt::format("at most {:.0f} W", *board->limit_w));
   if (board->ecc) parts.emplace_back(*board->ecc ? "ECC on" : "ECC off");
+  parts.push_back(share_text(device, *board));
   return join(parts, ", ");
 }
 
@@ -83,10 +92,9 @@ void judge_board(const NvmlBoardFacts& board, const std::string& check, Findings
   const auto add = [&](Level level, std::string found, std::string why, std::string remedy) {
     findings.push_back({check, level, std::move(found), std::move(why), std::move(remedy)});
   };
-  if (board.others > 0) {
+  if (const int others = board.others.value_or(0); others > 0) {
     add(Level::kSpoils,
-        fmt::format("{} other process{} on it", board.others,
-                    board.others == 1 ? " computes" : "es compute"),
+        fmt::format("{} other process{} on it", others, others == 1 ? " computes" : "es compute"),
         "contexts take turns, so that calls wait for those of others", "end them; see: nvidia-smi");
   }
   if (board.mig) {
@@ -119,7 +127,8 @@ bool has_nvidia_board(const DoctorInput& input) {
            text_or_empty(folder / "class").starts_with("0x03");  // a display controller
   };
   return std::ranges::any_of(folder_entries(pci_folder(input)), is_board) ||
-         std::filesystem::exists(input.root / "dev/nvidia0") ||
+         // There with any board; a container may have another than the first.
+         std::filesystem::exists(input.root / "dev/nvidiactl") ||
          std::filesystem::exists(input.root / "proc/driver/nvidia");
 }
 
@@ -146,7 +155,7 @@ void judge_nvidia_driver(const DoctorInput& input, Findings& findings) {
     findings.push_back({"gpu driver", Level::kNote, "NVML: " + input.nvml->missing,
                         "the board's energy, memory and limits are not known",
                         fmt::format("install the driver's libnvidia-ml.so.1, or start the "
-                                    "container with {}",
+                                    "container with {}; after an update of the driver, reboot",
                                     kCapabilities)});
   }
 }

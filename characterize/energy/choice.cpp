@@ -88,8 +88,11 @@ MeterChoice choose_meters(const MeterDiscovery& found, const MeterUser& user,
   const Meters battery = single(of_domain(found, MeterDomain::kBattery));
   const Meters own = user.device_is_cpu ? packages_of(found, user.unit.cores, sys)
                                         : single(gpus_of(found, user.pci));
-  const auto candidates =
-      user.device_is_cpu ? std::vector{own, board, battery} : std::vector{board, own, battery};
+  // A card whose own meter is known has no other: the board's input is of all the machine's.
+  const bool is_known = !user.pci.empty() && !own.empty() && own.front()->info().pci == user.pci;
+  const auto candidates = is_known             ? std::vector<Meters>{own}
+                          : user.device_is_cpu ? std::vector<Meters>{own, board, battery}
+                                               : std::vector<Meters>{board, own, battery};
   MeterChoice choice;
   std::vector<std::string> problems;
   for (const Meters& meters : candidates) {

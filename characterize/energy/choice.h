@@ -26,9 +26,9 @@ struct MeterChoice {
 
 /// The meters that the platform file names, or else the widest that covers the unit, since what a
 /// call costs the robot is what leaves its battery. For the host's cores: their packages, the
-/// board's input, the battery; for any other device: the board's input, the GPU's sensor, the
-/// battery. Of several GPUs' sensors the one of the device's own PCI address. Simulated devices
-/// have one only if the platform file names it.
+/// board's input, the battery; for a device with a meter of its own PCI address: that one alone;
+/// for any other device: the board's input, the GPU's sensor, the battery. Simulated devices have
+/// one only if the platform file names it.
 ///
 /// @param sys  Where packages are looked up by core.
 /// @throws Error{kBadInput} as find_meters; Error{kEnvironment} if the platform file names a meter

@@ -110,6 +110,18 @@ void judge(MeteredCalls& metered, Nanos step) {
   }
 }
 
+/// Half of the 95 % interval of the mean of what repeats gave; 0 of less than two.
+double half_width_of(const std::vector<double>& values) {
+  if (values.size() < 2) return 0;
+  const auto count = static_cast<double>(values.size());
+  double mean = 0, squares = 0;
+  for (const double value : values) mean += value / count;
+  for (const double value : values) squares += (value - mean) * (value - mean);
+  constexpr std::array kQuantile = {12.706, 4.303};  // t(0.975) of 1 and 2 degrees of freedom
+  static_assert(kQuantile.size() + 1 == kMeteredRepeats);
+  return kQuantile[values.size() - 2] * std::sqrt(squares / (count - 1) / count);
+}
+
 }  // namespace
 
 std::optional<double> MeteredCalls::call_j() const {
@@ -273,22 +285,6 @@ std::string domain_of(std::span<const Meter* const> meters) {
   for (const Meter* meter : meters) parts.push_back(meter->info().covers);
   return join(parts, " + ");
 }
-
-namespace {
-
-/// Half of the 95 % interval of the mean of what repeats gave; 0 of less than two.
-double half_width_of(const std::vector<double>& values) {
-  if (values.size() < 2) return 0;
-  const auto count = static_cast<double>(values.size());
-  double mean = 0, squares = 0;
-  for (const double value : values) mean += value / count;
-  for (const double value : values) squares += (value - mean) * (value - mean);
-  constexpr std::array kQuantile = {12.706, 4.303};  // t(0.975) of 1 and 2 degrees of freedom
-  static_assert(kQuantile.size() + 1 == kMeteredRepeats);
-  return kQuantile[values.size() - 2] * std::sqrt(squares / (count - 1) / count);
-}
-
-}  // namespace
 
 EnergyRecord metered_energy(const MeteredCalls& metered) {
   EnergyRecord record;

@@ -295,7 +295,7 @@ NvmlBoardFacts facts_of(const Nvml& nvml, NvmlBoard board) {
   unsigned pending = 0;
   if (nvml.ecc != nullptr && nvml.ecc(board, &ecc, &pending) == kNvmlSuccess) facts.ecc = ecc != 0;
   facts.mig = mig_is_on(nvml, board);
-  facts.others = others_on(nvml, board, false).value_or(0);
+  facts.others = others_on(nvml, board, false);
   facts.link_generation = number_of_board(nvml.link_generation, board);
   facts.most_generation = number_of_board(nvml.most_generation, board);
   facts.link_width = number_of_board(nvml.link_width, board);

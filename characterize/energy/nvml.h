@@ -17,7 +17,7 @@ struct NvmlBoardFacts {
   std::optional<unsigned> memory_mhz;                  ///< The same of memory.
   std::optional<bool> ecc;
   bool mig = false;
-  int others = 0;  ///< Processes with a context on it that are not this one's, as far as known.
+  std::optional<int> others;  ///< Processes with a context on it that are not this one's.
   std::optional<unsigned> link_generation, most_generation;  ///< Of PCIe: now, and at most.
   std::optional<unsigned> link_width, most_width;            ///< Lanes.
 };

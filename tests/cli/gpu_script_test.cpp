@@ -75,8 +75,10 @@ TEST_F(GpuScript, VerifiesWhatItTimes) {
   const auto out = quoted(scratch_.file("out"));
   const auto outcome = script("PIRT_TUNING=/the/board.json", "0 " + out);
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err << outcome.out;
-  EXPECT_THAT(logged(), AllOf(HasSubstr("tests tuning=/the/board.json"), HasSubstr("@batch64$")))
-      << "the kernels of its parameters, and those of batches";
+  EXPECT_THAT(logged(), AllOf(HasSubstr("tests tuning=/the/board.json"),
+                              HasSubstr("meter=none --filter ^(pool1|alexnet)@batch64$"),
+                              HasSubstr(" doctor --platform ")))
+      << "the kernels of its parameters, and those of batches; and what would spoil it";
   // What it says of its batches.
   const auto says = [&](const std::string& table, const std::string& json) {
     program("pirt", table +

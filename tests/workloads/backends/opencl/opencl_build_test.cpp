@@ -42,6 +42,11 @@ TEST(OpenClErrors, KeepTheirNamesAndGainARemedy) {
   EXPECT_THAT(describe(cl::Error(CL_MEM_OBJECT_ALLOCATION_FAILURE, "clCreateBuffer")),
               AllOf(HasSubstr("clCreateBuffer: CL_MEM_OBJECT_ALLOCATION_FAILURE"),
                     HasSubstr("free device memory")));
+  for (const cl_int code : {CL_OUT_OF_RESOURCES, -9999}) {
+    const std::string text = describe(cl::Error(code, "clFinish"));
+    EXPECT_THAT(text, HasSubstr("beyond its buffers"));
+    EXPECT_EQ(text.find("; "), text.rfind("; ")) << "with a lost device the remedy is cut off";
+  }
 }
 
 TEST(OpenClErrors, BecomeEnvironmentErrorsWithWhatWasDone) {

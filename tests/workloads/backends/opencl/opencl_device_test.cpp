@@ -11,9 +11,11 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <set>
 #include <thread>
 
 #include "tests/workloads/backends/opencl/opencl_support.h"
+#include "workloads/backends/opencl/plan/transfers.h"
 #include "workloads/base/error.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/vision/vision.h"
@@ -177,6 +179,29 @@ TEST(OpenClDevice, KeepsPinnedMemoryOnlyWhileThereIsRoomForOtherSizes) {
   for (auto& piece : pieces) piece = pool->take(kPiece);
   EXPECT_TRUE(std::ranges::all_of(pieces, [](const auto& piece) { return piece != nullptr; }))
       << "the others are kept";
+}
+
+// Pinning waits for all that the device does.
+TEST(OpenClDevice, ListsThatGrowLittleByLittleGoByOneStage) {
+  if (!test::open_first_device()) GTEST_SKIP() << "skipped: no OpenCL device";
+  opencl::DeviceSession session = opencl::open_session(test::unit_request());
+  session.pinned = std::make_shared<opencl::PinnedPool>(session.queue);
+  opencl::Transfers transfers(session);
+  constexpr std::size_t kEntry = 16;
+  constexpr cl_int kMost = 8000;
+  const opencl::Transfers::Counted list{
+      .count = cl::Buffer(session.context, CL_MEM_READ_WRITE, sizeof(cl_int)),
+      .list = cl::Buffer(session.context, CL_MEM_READ_WRITE, kMost * kEntry),
+      .entry_bytes = kEntry,
+      .most = kMost};
+  std::set<const std::byte*> stages;
+  std::vector<std::vector<std::byte>> between;  // So that none is freed and made in its place.
+  for (cl_int count = 4200; count <= kMost; count += 200) {  // Of 65,536 B and above.
+    session.queue.enqueueWriteBuffer(list.count, CL_TRUE, 0, sizeof(count), &count);
+    stages.insert(transfers.read(list).data());
+    between.emplace_back(kMost * kEntry);
+  }
+  EXPECT_EQ(stages.size(), 1U);
 }
 
 // ------------------------------------------------------------------------------------------ cores

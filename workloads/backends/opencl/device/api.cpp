@@ -17,17 +17,24 @@ struct CodeName {
 };
 
 constexpr std::string_view kFreeMemory = "free device memory or choose a device with more";
+// No "; " within: the last one of a message begins the remedy.
+constexpr std::string_view kNoResources =
+    "free device memory, or mend a kernel that reads or writes beyond its buffers, of which "
+    "drivers say the same";
 constexpr std::string_view kCheckDriver = "check the driver with clinfo";
 
-// The codes of OpenCL 1.2 that the calls of this backend can return, and the ICD loader's own
-// (-1001).
+// The codes of OpenCL 1.2 that the calls of this backend can return, the ICD loader's own (-1001),
+// and NVIDIA's of a context that is lost (-9999).
 constexpr std::array kCodes = {
+    CodeName{-9999, "error -9999",
+             "mend a kernel that reads or writes beyond its buffers, or start again: NVIDIA's "
+             "driver says so of a lost device as well"},
     CodeName{-1001, "CL_PLATFORM_NOT_FOUND_KHR", kInstallDriver},
     CodeName{CL_DEVICE_NOT_FOUND, "CL_DEVICE_NOT_FOUND", kInstallDriver},
     CodeName{CL_DEVICE_NOT_AVAILABLE, "CL_DEVICE_NOT_AVAILABLE", kCheckDriver},
     CodeName{CL_COMPILER_NOT_AVAILABLE, "CL_COMPILER_NOT_AVAILABLE", kCheckDriver},
     CodeName{CL_MEM_OBJECT_ALLOCATION_FAILURE, "CL_MEM_OBJECT_ALLOCATION_FAILURE", kFreeMemory},
-    CodeName{CL_OUT_OF_RESOURCES, "CL_OUT_OF_RESOURCES", kFreeMemory},
+    CodeName{CL_OUT_OF_RESOURCES, "CL_OUT_OF_RESOURCES", kNoResources},
     CodeName{CL_OUT_OF_HOST_MEMORY, "CL_OUT_OF_HOST_MEMORY", "free host memory"},
     CodeName{CL_PROFILING_INFO_NOT_AVAILABLE, "CL_PROFILING_INFO_NOT_AVAILABLE", kCheckDriver},
     CodeName{CL_MEM_COPY_OVERLAP, "CL_MEM_COPY_OVERLAP"},

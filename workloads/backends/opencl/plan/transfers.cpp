@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
 #include <exception>
 
@@ -13,6 +14,9 @@ namespace {
 
 /// Lists of no more come whole, together with how many rows they have, instead of after it.
 constexpr std::size_t kComesWhole = std::size_t{1} << 16;
+
+/// Stages below are of a power of two, so that lists which grow little by little make few.
+constexpr std::size_t kRoundedStage = std::size_t{8} << 20;
 
 /// Rows and planes of a resident with a border, in bytes, as the rectangle commands want them.
 struct Rectangle {
@@ -79,7 +83,8 @@ class Transfers::Parts {
     if (is_pinned && size_bytes > 0 && (!stage || stage->bytes().size() < size_bytes)) {
       stage.reset();
       try {
-        stage = std::make_unique<PinnedMemory>(session.queue, size_bytes);
+        stage = std::make_unique<PinnedMemory>(
+            session.queue, size_bytes < kRoundedStage ? std::bit_ceil(size_bytes) : size_bytes);
       } catch (const cl::Error&) {  // It has none, or no more: slower memory does as well.
       }
     }
