@@ -44,7 +44,7 @@ Environment run_environment(const CampaignOptions& options, const CampaignPlan& 
                                      : generated_images(options.seed);
   Environment facts = run_facts(options.platform, *images);
   facts.insert(plan.facts.begin(), plan.facts.end());
-  facts.merge(idle_facts(plan));
+  if (!options.resumed) facts.merge(idle_facts(plan));  // which takes long, and the run has
   facts["mode"] = options.quick ? "quick" : "full";
   facts["precision"] = fmt::format("{}", options.precision);
   for (const PlannedCell& cell : plan.cells) facts.merge(own_facts(*cell.workload));
@@ -464,6 +464,9 @@ class Campaign {
     job.reference = (scratch_.path() / (job.workload + ".reference")).string();
     job.inputs = (scratch_.path() / (job.workload + ".inputs")).string();
     job.sampling = sampling_options(options_);
+    if (const OwnOperation* const own = own_operation(*planned.workload)) {
+      job.sampling.limit = std::min(job.sampling.limit, own->limit / 2);
+    }
     const auto meters = plan_.meters.find(unit.name);
     if (meters != plan_.meters.end()) job.metering = meters->second;
     if (options_.interference || !options_.quick) {

@@ -59,11 +59,13 @@ struct CampaignOptions {
   /// Sample beside the units of the same memory, and after all caches were emptied, too. A run that
   /// is not quick does.
   bool interference = false;
-  /// See CampaignPlan; absent = kMostQuickTime, or what the plan needs with kFullTime a cell.
+  /// See CampaignPlan; absent = kMostQuickTime and what meters take, or what the plan needs with
+  /// kFullTime a cell.
   std::optional<Nanos> max_time;
   std::optional<Nanos> precision_time;  ///< Likewise; absent = max_time, if that is given.
   std::string mix;                      ///< What `first` is from, for messages.
-  /// Their cells get a process before all others, and all cells one before any gets two.
+  /// Their cells get a process before all others, and all cells one before any gets two. Measured
+  /// also where nothing chooses them, unless a filter is given, or only others' are wanted.
   std::vector<NeededWorkload> first;
   /// What is to be measured of a unit beside its calls, in order; empty = nothing is.
   std::function<std::vector<UnitTimePart>(const UnitRecord&)> unit_times;
@@ -82,7 +84,8 @@ struct CampaignOptions {
 /// The default of precision_time, for each cell, without what is not of cells.
 inline constexpr Nanos kQuickTime = std::chrono::milliseconds(1'900);
 inline constexpr Nanos kFullTime = std::chrono::milliseconds(15'000);
-/// The default of max_time of a quick run, and the least of another.
+/// The default of max_time of a quick run without meters, which may add twice as much, and the
+/// least of another.
 inline constexpr Nanos kMostQuickTime = std::chrono::minutes(3);
 
 struct PlannedCell {
@@ -128,6 +131,10 @@ struct CampaignPlan {
 /// @throws Error{kEnvironment}: a unit that was named is not available (with the remedy), or none
 /// is; no unit supports any chosen workload.
 [[nodiscard]] CampaignPlan plan_campaign(const CampaignOptions& options);
+
+/// What --max-time suffices to go on with a run that has spent its time: whole minutes, twice the
+/// larger of both.
+[[nodiscard]] std::int64_t longer_minutes(Nanos max_time, Nanos spent);
 
 /// The options that the newest unfinished run of @p database was started with, to go on with it;
 /// program, job_limit and stop are left to the caller.

@@ -16,11 +16,31 @@
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/catalog/own_list.h"
 #include "workloads/catalog/specs.h"
 #include "workloads/inputs/pictures/images.h"
+#include "workloads/model/own_operation.h"
 
 namespace pirt {
 namespace {
+
+/// Those that were chosen; without a filter also what the mix needs, in its sizes. Beside workloads
+/// of others' that is of a mix that takes some of those.
+std::vector<const Workload*> wanted_workloads(const CampaignOptions& options) {
+  auto all = choose_workloads(options.filter, options.variants, options.batch, options.sizes);
+  if (!options.filter.empty()) return all;
+  std::vector<const Workload*> needed;
+  for (const NeededWorkload& each : options.first) {
+    if (const Workload* const known = try_find_workload(each.workload)) needed.push_back(known);
+  }
+  const auto is_own = [](const Workload* each) { return own_operation(*each) != nullptr; };
+  if (!own_workloads().empty() && std::ranges::none_of(needed, is_own)) return all;
+  for (const Workload* each : needed) {
+    if (std::ranges::find(all, each) == all.end()) all.push_back(each);
+  }
+  return all;
+}
 
 void add_unit(const UnitModel& unit, const JobResult& probed, CampaignPlan& plan) {
   const DeviceInfo& device = probed.device.value();
@@ -92,15 +112,17 @@ void plan_time(const CampaignOptions& options, CampaignPlan& plan) {
   const Nanos of_cells =
       static_cast<std::int64_t>(plan.cells.size()) * (options.quick ? kQuickTime : kFullTime);
   const Nanos usual = plan.spent + of_cells + beside_cells;
+  // Whoever has a slow meter asks for quick figures all the same.
+  const Nanos most_quick = kMostQuickTime + std::min(metering_time(plan), 2 * kMostQuickTime);
   plan.max_time =
-      options.max_time.value_or(options.quick ? kMostQuickTime : std::max(kMostQuickTime, usual));
+      options.max_time.value_or(options.quick ? most_quick : std::max(kMostQuickTime, usual));
   plan.precision_time = std::min(
       plan.max_time, options.precision_time.value_or(options.max_time ? plan.max_time : usual));
   if (options.resumed && plan.spent >= plan.max_time) {
     throw_bad_input(fmt::format(
         "run {} has spent its time ({:.3g} s of {:.3g} s); give more in all, e.g. --max-time {}min",
         options.resumed->run.run_id, to_s(plan.spent), to_s(plan.max_time),
-        std::chrono::ceil<std::chrono::minutes>(2 * std::max(plan.max_time, plan.spent)).count()));
+        longer_minutes(plan.max_time, plan.spent)));
   }
   plan.estimate = estimate(options, plan);
 }
@@ -116,6 +138,10 @@ void plan_time(const CampaignOptions& options, CampaignPlan& plan) {
 
 }  // namespace
 
+std::int64_t longer_minutes(Nanos max_time, Nanos spent) {
+  return std::chrono::ceil<std::chrono::minutes>(2 * std::max(max_time, spent)).count();
+}
+
 CampaignPlan plan_campaign(const CampaignOptions& options) {
   if (options.max_time && options.max_time->count() <= 0) {
     throw_bad_input("--max-time is not above 0; try 9min");
@@ -124,8 +150,7 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
     throw_bad_input(fmt::format("--precision {} is not between 0 and 1 (or 0 % and 100 %); try 2%",
                                 options.precision));
   }
-  const auto workloads =
-      choose_workloads(options.filter, options.variants, options.batch, options.sizes);
+  const auto workloads = wanted_workloads(options);
   const auto units = choose_units(options.platform, options.units);
   for (const UnitModel* unit : units) {
     // A malformed request is the user's slip, also where its device is only reached in a worker.

@@ -5,6 +5,7 @@
 #include "characterize/campaign/run_facts.h"
 #include "characterize/campaign/validity.h"
 #include "characterize/energy/model.h"
+#include "characterize/profile/own_rows.h"
 #include "characterize/statistics/statistics.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"
@@ -51,6 +52,9 @@ std::int64_t write_live_rows(ProfileWriter& writer, const Platform& platform,
     const UnitModel& unit = platform.unit(name);
     header.units.push_back(unit_record(unit, device));
     header.environment.merge(unit_facts(unit, device));
+  }
+  for (const LiveRow& row : rows) {
+    header.environment.merge(own_facts(find_workload(row.replaced.workload)));
   }
   const std::int64_t run_id = writer.begin_run(header);
   const ClockQuality clock = measure_clock(MachineClock());

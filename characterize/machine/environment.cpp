@@ -2,6 +2,7 @@
 
 #include <features.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sqlite3.h>
 #ifdef __GLIBC__
 #include <gnu/libc-version.h>

@@ -28,7 +28,12 @@ std::string failure(const Job& job, const ProcessResult& process, const JobResul
     if (!words.empty()) text += ": " + words;
     return one_line(std::move(text), 3 * kLastWords);
   }
-  const std::string text = fmt::format("worker {} while {}", how_it_ended(process, limit), step);
+  // Asking a file what it has takes no workload, and has another limit.
+  const bool may_take_longer =
+      process.end == ProcessResult::End::kTimedOut && !job.own.empty() && !job.workload.empty();
+  const std::string text =
+      fmt::format("worker {} while {}{}", how_it_ended(process, limit), step,
+                  may_take_longer ? "; limit_s in a workload file is what it may take" : "");
   const std::string words = one_line(process.diagnostics, kLastWords);
   return words.empty() ? text : text + ": " + words;
 }

@@ -515,9 +515,13 @@ class Worker {
                         [&sweep] { sweep.run(); }, sequence())});
   }
 
-  /// Of several neighbours the one that slows it most.
+  /// Of several neighbours the one that slows it most. Not of calls so long that the process would
+  /// come to its limit.
   void sample_beside(Condition condition, Neighbour::Work work) {
-    if (!computes_on_host()) return;
+    const auto execute = std::ranges::find(result_.phases, Phase::kExecute, &PhaseSamples::phase);
+    if (!computes_on_host() || execute == result_.phases.end()) return;
+    const auto calls = job_.sampling.condition_samples * std::ssize(job_.neighbours);
+    if (calls * median(execute->samples) > job_.sampling.limit / 4) return;
     std::optional<PhaseSamples> worst;
     for (const auto& cores : job_.neighbours) {
       begin(fmt::format("sampling {}", to_string(condition)));

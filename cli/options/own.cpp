@@ -12,10 +12,13 @@
 #include "characterize/worker/job_runner.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "scheduler/mix/mix.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/own_files.h"
 #include "workloads/catalog/own_list.h"
+#include "workloads/catalog/specs.h"
 #include "workloads/model/own_operation.h"
+#include "workloads/own/definition.h"
 #include "workloads/own/own.h"
 
 namespace pirt::cli {
@@ -35,6 +38,30 @@ bool may_be_loaded(const fs::path& file, const fs::path& mix) {
   return std::ranges::all_of(std::array{of_link.st_uid, of_target.st_uid}, [&of_mix](uid_t owner) {
     return owner == ::geteuid() || owner == 0 || owner == of_mix.st_uid;
   });
+}
+
+/// Whether it names workloads that are not pirt's and that nobody here has said anything of.
+bool names_unknown(const std::string& mix, const Profile& profile) {
+  std::error_code none;
+  if (!fs::is_regular_file(mix, none)) return false;          // What a pipe has is read once.
+  const std::vector<std::string> rows = profile.workloads();  // Imported ones are that alone.
+  return std::ranges::any_of(named_workloads(mix), [&rows](const std::string& name) {
+    return is_foreign(name) && try_find_own(own::plain_name(name)) == nullptr &&
+           std::ranges::find(rows, name) == rows.end();
+  });
+}
+
+/// Whether this process can compute what it has, and knows all of it.
+bool is_loaded(const std::string& file) {
+  return std::ranges::any_of(own_workloads(), [&file](const Workload* each) {
+    const OwnOperation* const own = own_operation(*each);
+    return own != nullptr && own->source == file && each->make_data;
+  });
+}
+
+void ask(const std::string& file) {
+  constexpr Nanos kLimit = std::chrono::seconds(120);
+  learn_workloads(JobRunner("/proc/self/exe", kLimit, nullptr), file);
 }
 
 }  // namespace
@@ -66,11 +93,9 @@ void add_workloads(Command& command, OwnFiles& own) {
 }
 
 void learn(const std::vector<std::string>& files) {
-  constexpr Nanos kLimit = std::chrono::seconds(120);
-  const JobRunner runner("/proc/self/exe", kLimit, nullptr);
   own::NamesOfFiles names;
   for (const std::string& file : files) {
-    if (known_of(file).empty()) learn_workloads(runner, file);
+    if (known_of(file).empty()) ask(file);
     names.add(file, known_of(file));
   }
 }
@@ -93,14 +118,16 @@ std::set<std::string> known_of(const std::string& file) {
   return names;
 }
 
-void hold_against(Profile& profile, const std::vector<std::string>& files) {
+void hold_against(Profile& profile, const std::vector<std::string>& files, const std::string& mix) {
   for (const std::string& file : files) {
     const std::string digest = own::digest_of(file);
     auto workloads = measured_of(profile, file, digest);
     if (workloads.empty()) {
       learn({file});
-      workloads = known_of(file);
+    } else if (names_unknown(mix, profile) && !is_loaded(file)) {
+      ask(file);
     }
+    workloads.merge(known_of(file));
     const std::string changed = doubt_changed(profile, workloads, digest);
     if (!changed.empty()) warn(own::not_as_measured(file, changed));
   }

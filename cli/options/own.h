@@ -31,8 +31,11 @@ void learn(const std::vector<std::string>& files);
 void load(const std::vector<std::string>& files);
 /// The workloads that are known of the file.
 [[nodiscard]] std::set<std::string> known_of(const std::string& file);
-/// Warns of rows whose files are not what they were, which are doubted from then on. What the
-/// profile has not measured of a file is learned.
-void hold_against(Profile& profile, const std::vector<std::string>& files);
+/// Warns of rows whose files are not what they were, which are doubted from then on. A file that
+/// the profile has measured nothing of is learned, and, as long as @p mix names what is not known,
+/// others, too.
+/// @param mix  As --mix; empty = there is none.
+void hold_against(Profile& profile, const std::vector<std::string>& files,
+                  const std::string& mix = "");
 
 }  // namespace pirt::cli

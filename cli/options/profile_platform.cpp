@@ -35,14 +35,14 @@ Platform platform_of(const Profile& profile, const std::vector<YamlOverride>& ov
 ProfiledPlatform read_platform(const std::optional<std::string>& platform,
                                const std::optional<std::string>& profile,
                                const std::vector<YamlOverride>& overrides,
-                               const std::vector<std::string>& own) {
+                               const std::vector<std::string>& own, const std::string& mix) {
   ProfiledPlatform read;
   if (platform) read.platform = load_platform(*platform, overrides);
   if (profile) read.profile = ProfileReader(*profile).read(read.platform.name);
   if (!platform) read.platform = platform_of(read.profile.value(), overrides);
   read.platform = on_devices(std::move(read.platform), read.profile ? &*read.profile : nullptr);
   if (read.profile) {
-    hold_against(*read.profile, own);
+    hold_against(*read.profile, own, mix);
   } else {
     learn(own);
   }
@@ -52,14 +52,15 @@ ProfiledPlatform read_platform(const std::optional<std::string>& platform,
 namespace {
 
 /// What to do about the gap, the other way than --estimate.
-std::string how_to_measure(const ProfiledPlatform& read, const SizeGap& gap) {
-  const UnitModel* unit = read.platform.find_unit(gap.unit);
-  const std::string path = path_in_shell(read.profile->path);
-  if (unit == nullptr || !unit->measured()) return "pirt import TABLE.csv --db " + path;
-  return fmt::format(
-      "pirt characterize --platform {} --units {} --filter '^{}$' --db {}",
-      path_in_shell(read.platform.argument.empty() ? read.platform.name : read.platform.argument),
-      gap.unit, gap.workload, path);
+/// @param workloads  That have it as well.
+std::string how_to_measure(const ProfiledPlatform& read, const std::string& unit,
+                           const std::vector<std::string>& workloads) {
+  const UnitModel* model = read.platform.find_unit(unit);
+  const std::string& path = read.profile->path;
+  if (model == nullptr || !model->measured()) {
+    return "pirt import TABLE.csv --db " + path_in_shell(path);
+  }
+  return measure_command(read.platform, unit, workloads, path);
 }
 
 }  // namespace
@@ -75,25 +76,31 @@ void fill_sizes(ProfiledPlatform& read, const Mix& mix, bool estimate) {
   std::set<std::string> served;
   for (const auto& [workload, model] : read.platform.workloads) served.insert(workload);
   for (const std::string& workload : read.profile->workloads()) served.insert(workload);
-  std::vector<std::pair<std::string, std::string>> missing;  // workload, what to say
-  for (const SizeGap& gap : size_gaps(*read.profile, workloads_of(mix))) {
-    const std::string what = gap.workload + " on " + gap.unit;
+  std::vector<SizeGap> missing;
+  for (SizeGap& gap : size_gaps(*read.profile, workloads_of(mix))) {
     if (!estimate || !gap.why_not.empty()) {
-      missing.emplace_back(
-          gap.workload,
-          fmt::format("{} has no row, and none of another size is taken for it{}: {}{}", what,
-                      estimate ? ", nor can they make an estimate, since " + gap.why_not : "",
-                      how_to_measure(read, gap), gap.why_not.empty() ? ", or --estimate" : ""));
+      missing.push_back(std::move(gap));
       continue;
     }
     served.insert(gap.workload);
     const PhaseRow call = add_estimate(*read.profile, gap);
-    warn(fmt::format("{} is modelled: {} (95 %: {} to {}), through {} other sizes", what,
-                     duration_text(*call.median), duration_text(*call.ci_low),
-                     duration_text(*call.ci_high), gap.others.size()));
+    warn(fmt::format("{} on {} is modelled: {} (95 %: {} to {}), through {} other sizes",
+                     gap.workload, gap.unit, duration_text(*call.median),
+                     duration_text(*call.ci_low), duration_text(*call.ci_high), gap.others.size()));
   }
-  for (const auto& [workload, text] : missing) {
-    if (!served.contains(workload)) throw_bad_input("mix " + mix.name + ": " + text);
+  std::vector<std::string> unserved;  // Measured at once: each round of this takes minutes.
+  for (const SizeGap& gap : missing) {
+    const bool is_new = std::ranges::find(unserved, gap.workload) == unserved.end();
+    if (is_new && !served.contains(gap.workload)) unserved.push_back(gap.workload);
+  }
+  for (const SizeGap& gap : missing) {
+    const bool is_served = served.contains(gap.workload);
+    const std::string text = fmt::format(
+        "{} on {} has no row, and none of another size is taken for it{}: {}{}", gap.workload,
+        gap.unit, estimate ? ", nor can they make an estimate, since " + gap.why_not : "",
+        how_to_measure(read, gap.unit, is_served ? std::vector{gap.workload} : unserved),
+        gap.why_not.empty() ? ", or --estimate" : "");
+    if (!is_served) throw_bad_input("mix " + mix.name + ": " + text);
     warn(text);
   }
 }

@@ -27,10 +27,13 @@ struct ProfiledPlatform {
 /// @throws Error{kBadInput} as load_platform, ProfileReader::read and platform_of.
 /// @param own       Files of workloads of one's own: rows are doubted (own.h) whose are not what
 /// they were.
+/// @param mix       As --mix, whose workloads are looked for in those files where the profile does
+/// not have them; empty = there is none.
 [[nodiscard]] ProfiledPlatform read_platform(const std::optional<std::string>& platform,
                                              const std::optional<std::string>& profile,
                                              const std::vector<YamlOverride>& overrides,
-                                             const std::vector<std::string>& own = {});
+                                             const std::vector<std::string>& own = {},
+                                             const std::string& mix = "");
 
 /// --estimate
 void add_estimate_option(Command& command, bool& estimate);

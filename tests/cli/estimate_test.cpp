@@ -64,8 +64,17 @@ TEST_F(Estimate, IsNotMadeUnlessItIsAskedFor) {
       {"schedule", "--profile", profile_, "--mix", mix_of_size("sobel@1280x720"), "--mode", "ect"});
   expect_refused(outcome, {"none of another size is taken for it",
                            "pirt characterize --platform host-cpu --units cpu --filter "
-                           "'^sobel@1280x720$' --db",
+                           "'^(sobel@1280x720)$' --db",
                            "or --estimate"});
+}
+
+TEST_F(Estimate, AllThatIsMissingIsToldAtOnce) {
+  const auto mix = scratch_.write(
+      "two.yaml",
+      "mix: m\npipelines:\n  see: {rate_hz: 10, tasks: [{workload: sobel@1280x720}, {workload: "
+      "sobel@1024x768}, {workload: sobel@800x600}]}\n");
+  expect_refused(pirt({"schedule", "--profile", profile_, "--mix", mix, "--mode", "ect"}),
+                 {"--filter '^(sobel@1280x720|sobel@1024x768)$' --db"});
 }
 
 TEST_F(Estimate, IsMarkedWithItsInterval) {

@@ -1,7 +1,11 @@
 // Workloads of one's own through the program: measured, stored, scheduled without their code.
+#include "workloads/own/own.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "characterize/profile/own_rows.h"
+#include "characterize/profile/store/writer.h"
 #include "tests/cli/program.h"
 #include "tests/support/optional_backend.h"
 
@@ -112,6 +116,8 @@ TEST_F(Own, IsScheduledWithoutItsCode) {
   EXPECT_EQ(schedule(sized, {}).exit_code, 0) << "nothing of it is loaded";
   expect_refused(schedule("mine.sobel", {}),
                  {"not in profile", "characterize", "--workloads", module});
+  expect_refused(schedule("mine.sobel@320x240", {}),
+                 {"has no row", "--workloads " + module, "'^(mine.sobel@320x240)$'"});
   expect_refused(schedule("mine.sobl", {}),
                  {"nothing says what 'mine.sobl' is", "mine.sobel@160x120"});
   // Another one of the same name.
@@ -206,7 +212,7 @@ TEST_F(Own, ThatHangsCostsTheTimeThatItsFileSays) {
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.err,
               AllOf(HasSubstr("bad.hang on cpu: not"), HasSubstr("timed out after 5 s"),
-                    Not(HasSubstr("bad.good on cpu: not"))));
+                    HasSubstr("limit_s"), Not(HasSubstr("bad.good on cpu: not"))));
 }
 
 TEST_F(Own, ItsLastWordsAreShown) {
@@ -248,6 +254,26 @@ TEST_F(Own, ANeedThatNothingKnowsIsSaid) {
       {"characterize", "--mix", mix, "--workloads", kExampleModule, "--units", "cpu", "--dry-run"});
   EXPECT_EQ(plan.exit_code, 0) << plan.err;
   EXPECT_THAT(plan.out, AllOf(HasSubstr("needs 'mine.sobl'"), HasSubstr("did you mean")));
+}
+
+TEST_F(Own, PirtsOwnThatAMixOfTheirsNeedsAreMeasuredBesideThem) {
+  const auto planned = [](const std::vector<std::string>& more) {
+    std::vector<std::string> words = {"characterize", "--workloads", kExampleModule, "--units",
+                                      "cpu",          "--dry-run",   "--json",       "-"};
+    words.insert(words.end(), more.begin(), more.end());
+    std::vector<std::string> workloads;
+    const auto plan = pirt(words).json();
+    for (const auto& cell : plan["cells"]) workloads.push_back(cell["workload"].get<std::string>());
+    return workloads;
+  };
+  const std::string mix =
+      scratch_.write("m.yaml",
+                     "mix: m\npipelines:\n  a: {rate_hz: 1, tasks: [{workload: mine.sobel}, "
+                     "{workload: sobel}, {workload: gaussian_blur@320x240}]}\n");
+  EXPECT_THAT(planned({"--mix", mix}),
+              testing::ElementsAre("mine.sobel", "sobel", "gaussian_blur@320x240"));
+  EXPECT_THAT(planned({}), testing::ElementsAre("mine.sobel"));
+  EXPECT_THAT(planned({"--mix", mix, "--filter", "^mine"}), testing::ElementsAre("mine.sobel"));
 }
 
 TEST_F(Own, ARunIsNotGoneOnWithAnotherBuild) {
@@ -316,6 +342,47 @@ TEST_F(Own, ALedgerIsAlsoOfTheFilesThatAWorkloadFileNames) {
   EXPECT_EQ(regress().exit_code, 3);
   scratch_.write("mean.py", slurp(folder + "mean.py") + "\n");
   expect_refused(regress(), {"another comparison", "own"});
+}
+
+// Of a file that was measured in part; what it has besides is known of no run.
+TEST_F(Own, WhatAProfileDoesNotHaveIsAskedOfTheFile) {
+  const std::string file = std::string(kSourceFolder) + "/tests/examples/workloads/own.yaml";
+  RunHeader header{.started = "2026-01-02T03:04:05Z",
+                   .platform = "host-cpu",
+                   .seed = 1,
+                   .environment = {{"cpu_model", "test cpu"}},
+                   .units = {{"cpu", "cpu", "test", true, {}}}};
+  for (const own::Definition& each : own::load(file)) {
+    if (each.name == "my.mean") header.environment.merge(own_facts(own::to_workload(each)));
+  }
+  {
+    ProfileWriter writer(database_);
+    const auto run = writer.begin_run(header);
+    CellRecord cell{.workload = "my.mean",
+                    .unit = "cpu",
+                    .ops = 1000,
+                    .bytes = 1000,
+                    .verification = "equal",
+                    .phases = {},
+                    .energy = {}};
+    for (const Phase phase : {Phase::kExecute, Phase::kCall}) {
+      cell.phases.push_back({.phase = phase,
+                             .state = State::kSteady,
+                             .provenance = Provenance::kMeasured,
+                             .reasons = {},
+                             .notes = {},
+                             .samples = std::vector<Nanos>(20, from_ms(1))});
+    }
+    writer.write_cell(run, cell);
+    writer.finish_run(run, "2026-01-02T03:05:05Z");
+  }
+  const std::string mix =
+      scratch_.write("m.yaml",
+                     "mix: m\npipelines:\n  a: {rate_hz: 1, tasks: [{workload: my.mean}, "
+                     "{workload: my.threshold}]}\n");
+  expect_refused(pirt({"schedule", "--mode", "edf", "--workloads", file, "--mix", mix, "--profile",
+                       database_}),
+                 {"--workloads " + file, "--filter '^(my.threshold)$'"});
 }
 
 TEST_F(Own, FilesThatAreNoneAreNamed) {

@@ -216,6 +216,22 @@ TEST(SourceTree, CommandsWriteInOnePlace) {
   EXPECT_GT(lines, 1000) << "the scan found too little to mean anything";
 }
 
+// fmt 11 has it in no other header.
+TEST(SourceTree, WhoJoinsIncludesWhatHasItInEachVersionOfFmt) {
+  int files = 0;
+  for (const auto layer : kLayers) {
+    for (const auto& entry : fs::recursive_directory_iterator(fs::path(kSourceFolder) / layer)) {
+      if (entry.path().extension() != ".h" && entry.path().extension() != ".cpp") continue;
+      std::ifstream in(entry.path());
+      const std::string text(std::istreambuf_iterator<char>(in), {});
+      if (text.find("fmt::join(") == std::string::npos) continue;
+      EXPECT_NE(text.find("#include <fmt/ranges.h>"), std::string::npos) << entry.path();
+      ++files;
+    }
+  }
+  EXPECT_GT(files, 10) << "the scan found too little to mean anything";
+}
+
 // An exception out of a thread ends the program, unless the thread was started by start_thread.
 TEST(SourceTree, ThreadsAreStartedInOnePlace) {
   // std::jthread name(...), std::thread{...}, threads.emplace_back([...

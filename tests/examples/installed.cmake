@@ -62,3 +62,11 @@ run(${prefix}/bin/pirt schedule --mix ${SOURCE}/module/mix.yaml --profile ${data
 if(NOT out MATCHES "keeps up +yes +yes")
   message(FATAL_ERROR "the robot of a module does not keep up:\n${out}")
 endif()
+# In C, which is all that such a project needs.
+set(project ${BUILD}/tests/examples/module_c_project)
+configure(${SOURCE}/module_c ${project} -DCMAKE_PREFIX_PATH=${prefix} ${absent})
+run(${CMAKE_COMMAND} --build ${project})
+run(${prefix}/bin/pirt list workloads --workloads ${project}/libmine.so)
+if(NOT out MATCHES "v1.add")
+  message(FATAL_ERROR "a module in C is not there:\n${out}")
+endif()

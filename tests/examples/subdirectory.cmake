@@ -4,7 +4,11 @@ include(${CMAKE_CURRENT_LIST_DIR}/run.cmake)
 set(project ${BUILD}/tests/examples/subdirectory)
 set(without "")
 if(NOT WHOLE)
-  set(without -DCCACHE= -DPIRT_TESTS=ON -DCMAKE_DISABLE_FIND_PACKAGE_GTest=ON -DCMAKE_POSITION_INDEPENDENT_CODE=ON
+  # A library that the project brings, without a version, as of FetchContent.
+  set(brought ${BUILD}/tests/examples/brought.cmake)
+  file(WRITE ${brought} "file(WRITE \${CMAKE_FIND_PACKAGE_REDIRECTS_DIR}/nlohmann_json-config.cmake
+  \"add_library(nlohmann_json::nlohmann_json INTERFACE IMPORTED)\")")
+  set(without -DCMAKE_PROJECT_robot_INCLUDE=${brought} -DCCACHE= -DPIRT_TESTS=ON -DCMAKE_DISABLE_FIND_PACKAGE_GTest=ON -DCMAKE_POSITION_INDEPENDENT_CODE=ON
     -DCMAKE_CXX_VISIBILITY_PRESET=hidden -DCMAKE_RELEASE_POSTFIX=r)
 endif()
 configure(${SOURCE}/subdirectory ${project} ${without})

@@ -45,7 +45,7 @@ struct WorkloadSpec {
 [[nodiscard]] std::vector<std::string> files_of(const std::vector<std::string>& names);
 /// As try_find_spec, or that of a foreign workload of which nothing is known, which has neither
 /// inputs nor outputs.
-/// @throws Error{kBadInput} with the nearest names.
+/// @throws Error{kBadInput} with the nearest names, or that there are no other sizes.
 [[nodiscard]] WorkloadSpec find_spec(const std::string& name);
 WorkloadSpec find_spec(std::string&& name) = delete;
 

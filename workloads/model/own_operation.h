@@ -59,7 +59,8 @@ struct OpenclUnit {
 class OtherProcess {
  public:
   virtual ~OtherProcess() = default;
-  /// What that process has had resident at most; absent where there is none, or it is not known.
+  /// What that process has had resident at most, without what it shares with this one; absent where
+  /// there is none, or it is not known.
   [[nodiscard]] virtual std::optional<std::int64_t> peak_bytes() const = 0;
   /// The processor time of its threads so far; absent likewise.
   [[nodiscard]] virtual std::optional<Nanos> processor_time() const = 0;

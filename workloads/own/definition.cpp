@@ -35,16 +35,19 @@ constexpr std::array kSymbols = {Symbol{"width", kWidth}, Symbol{"height", kHeig
 constexpr std::array kElements = {Element::kU8, Element::kI16, Element::kI32, Element::kF32,
                                   Element::kF64};
 
+/// Of each kind.
+std::array<const std::vector<TensorSpec>*, 4> all_specs(const Definition& definition) {
+  return {&definition.inputs, &definition.parameters, &definition.outputs, &definition.state};
+}
+
 bool is_sized(const TensorSpec& spec) {
   return std::ranges::any_of(spec.shape, [](std::int64_t extent) { return extent < 0; });
 }
 
 bool is_sized(const Definition& definition) {
-  const auto any = [](const std::vector<TensorSpec>& specs) {
-    return std::ranges::any_of(specs, [](const TensorSpec& spec) { return is_sized(spec); });
-  };
-  return any(definition.inputs) || any(definition.outputs) || any(definition.parameters) ||
-         any(definition.state);
+  return std::ranges::any_of(all_specs(definition), [](const std::vector<TensorSpec>* specs) {
+    return std::ranges::any_of(*specs, [](const TensorSpec& spec) { return is_sized(spec); });
+  });
 }
 
 std::int64_t at(std::int64_t extent, Size size) {
@@ -298,7 +301,8 @@ Workload make(const std::shared_ptr<const Definition>& shared, Size size) {
     w.state = StateSpec{.name = definition.name, .tensors = at(definition.state, size)};
   }
   w.frames = definition.frames;
-  const double ops = definition.ops_per_element * static_cast<double>(w.outputs.front().count());
+  const std::int64_t made = w.outputs.empty() ? 0 : w.outputs.front().count();
+  const double ops = definition.ops_per_element * static_cast<double>(made);
   if (ops > 0 && ops < 9e18) w.ops = static_cast<std::int64_t>(std::llround(ops));
   w.verify = [tolerance = definition.tolerance](std::span<const Tensor> outputs,
                                                 std::span<const Tensor> expected) {
@@ -459,23 +463,22 @@ void check(const Definition& definition, const std::string& where) {
         fmt::format("{}: the name '{}' {}", where, printable(definition.name), problem));
   }
   const std::string place = where + ": " + definition.name;
-  if (definition.outputs.empty()) throw_bad_input(place + " has no output");
   if (definition.backends.empty()) throw_bad_input(place + " has no kernel for any backend");
+  const bool on_device =
+      std::ranges::find(definition.backends, "opencl") != definition.backends.end();
+  if (on_device && definition.outputs.empty()) throw_bad_input(place + " has no output");
   if (is_sized(definition) && !definition.size) {
     throw_bad_input(place + " has tensors of `width` or `height`, and no size of its own");
   }
   const auto varies = [](const std::vector<TensorSpec>& specs) {
     return std::ranges::any_of(specs, &TensorSpec::varies);
   };
-  const bool on_device =
-      std::ranges::find(definition.backends, "opencl") != definition.backends.end();
   if (on_device &&
       (varies(definition.inputs) || varies(definition.outputs) || varies(definition.state))) {
     throw_bad_input(place + " has lists, which a kernel of opencl cannot say the rows of");
   }
   std::set<std::string> names;
-  for (const auto* specs :
-       {&definition.inputs, &definition.parameters, &definition.outputs, &definition.state}) {
+  for (const auto* specs : all_specs(definition)) {
     if (specs->size() > kMostTensors)
       throw_bad_input(place + " has more than 64 tensors of a kind");
     for (const TensorSpec& spec : *specs) {

@@ -94,7 +94,7 @@ void check(const OpenclSource& source, const Definition& definition, const std::
 
 /// @param where  The definition's place, for messages.
 /// @throws Error{kBadInput} for a name without a dot or of other characters, extents or numbers out
-/// of range, names of tensors that are there twice, no output, no backend.
+/// of range, names of tensors that are there twice, no backend, or no output of a device's.
 void check(const Definition& definition, const std::string& where);
 
 /// With floating-point elements in f64, as references have them.

@@ -375,6 +375,7 @@ Definition definition_of(const pirt_workload& given, const std::string& file) {
   if (given.description != nullptr) made.description = printable(given.description);
   made.inputs = specs_of(given.inputs, given.input_count, where);
   made.outputs = specs_of(given.outputs, given.output_count, where);
+  if (made.outputs.empty()) throw_bad_input(where + " has no output");
   made.parameters = specs_of(given.parameters, given.parameter_count, where);
   made.state = specs_of(given.state, given.state_count, where);
   if (given.width != 0 || given.height != 0) {

@@ -72,7 +72,8 @@ Layout layout_of(const Program& program) {
 /// The running program.
 class Process {
  public:
-  Process(const Program& program, const SharedMemory& memory) : program_(program) {
+  Process(const Program& program, const SharedMemory& memory)
+      : program_(program), shared_bytes_(static_cast<std::int64_t>(memory.bytes())) {
     Pipe in = make_pipe();
     Pipe out = make_pipe();
     to_ = std::move(in.write);
@@ -105,15 +106,18 @@ class Process {
     return get(deadline, limit);
   }
 
-  /// Bytes of its own that it has had at most, and the processor time of its threads so far; not of
-  /// what it started.
+  /// Bytes of its own that it has had at most, without the tensors, which are this process' as
+  /// well, and the processor time of its threads so far; not of what it started.
   [[nodiscard]] std::optional<std::int64_t> peak_bytes() const {
     std::ifstream status(fmt::format("/proc/{}/status", pid_));
+    std::optional<std::int64_t> peak;
     for (std::string line; std::getline(status, line);) {
       std::int64_t kib = 0;
-      if (std::sscanf(line.c_str(), "VmHWM: %ld kB", &kib) == 1) return kib << 10;
+      if (std::sscanf(line.c_str(), "VmHWM: %ld kB", &kib) == 1) peak = kib << 10;
+      if (!peak || std::sscanf(line.c_str(), "RssShmem: %ld kB", &kib) != 1) continue;
+      return std::max<std::int64_t>(0, *peak - std::min(kib << 10, shared_bytes_));
     }
-    return std::nullopt;
+    return peak;
   }
   [[nodiscard]] Nanos processor_time() const {
     clockid_t clock{};
@@ -182,13 +186,11 @@ class Process {
     for (int i = 0; i < 500 && !has_ended(); ++i) ::poll(nullptr, 0, 10);
     if (!has_ended()) fail("closed its standard output");
     end();
-    if (!status_) fail(kEndNotKnown);
-    if (WIFSIGNALED(*status_)) fail(fmt::format("crashed (signal {})", WTERMSIG(*status_)));
-    if (WEXITSTATUS(*status_) == 127) {
+    if (status_ && WIFEXITED(*status_) && WEXITSTATUS(*status_) == 127) {
       fail(fmt::format("cannot be started; '{}' is looked for in PATH, and with a '/' in {}",
                        program_.command.front(), program_.folder.string()));
     }
-    fail(fmt::format("ended with code {}", WEXITSTATUS(*status_)));
+    fail(how_ended(status_));
   }
 
   void put(std::string_view text, Deadline& deadline, Nanos limit) {
@@ -243,6 +245,7 @@ class Process {
   }
 
   const Program& program_;
+  std::int64_t shared_bytes_;
   FileDescriptor to_, from_;
   FileDescriptor life_;
   pid_t pid_ = 0, watcher_ = 0;

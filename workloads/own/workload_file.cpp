@@ -77,18 +77,16 @@ std::vector<TensorSpec> tensors_at(const YamlNode& node, std::string_view key) {
 
 Nanos read_limit(const YamlNode& node) { return from_s(node.number(1, kLongestLimitMs / 1e3)); }
 
-/// A global size: a number, or width or height of the workload.
-std::int64_t read_extent(const YamlNode& node) {
-  const auto extent = extent_from(node.text());
-  if (!extent) node.fail("is no size: a number from 1 on, width or height");
-  return *extent;
-}
-
+/// Of a kernel: numbers, or width or height of the workload.
 std::array<std::int64_t, 3> read_extents(const YamlNode& node) {
   const auto items = node.items();
   if (items.empty() || items.size() > 3) node.fail("needs one to three sizes, x first");
   std::array<std::int64_t, 3> extents{};
-  for (std::size_t i = 0; i < items.size(); ++i) extents[i] = read_extent(items[i]);
+  for (std::size_t i = 0; i < items.size(); ++i) {
+    const auto extent = extent_from(items[i].text());
+    if (!extent) items[i].fail("is no size: a number from 1 on, width or height");
+    extents[i] = *extent;
+  }
   return extents;
 }
 

@@ -1,6 +1,7 @@
 #include "workloads/recognition/generated_network.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>

@@ -164,7 +164,7 @@ Inputs read_inputs(const ScheduleFlags& options) {
                     " is about the rows of a profile; give one with --profile");
   }
   const auto overrides = parse_overrides(options.settings);
-  auto read = read_platform(options.platform, options.profile, overrides, own);
+  auto read = read_platform(options.platform, options.profile, overrides, own, options.mix);
   // The profile says what workloads of its own it has.
   if (options.profile) inputs.mix = load_mix(options.mix);
   if (read.profile && find_draw(options.draw) == Draw::kSamples) {

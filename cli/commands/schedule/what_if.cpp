@@ -53,7 +53,7 @@ int find_what_breaks(const WhatIfFlags& options) {
     throw_bad_input("give --profile FILE, or --platform with a modelled one (pirt list platforms)");
   }
   auto read = read_platform(options.platform, options.profile, parse_overrides(options.settings),
-                            options.own.all(options.mix));
+                            options.own.all(options.mix), options.mix);
   const Mix mix = load_mix(options.mix);  // The profile says what workloads of its own it has.
   const WhatIfChange change = change_of(options, mix);
   ScheduleOptions schedule;

@@ -96,7 +96,11 @@ TEST(OwnDefinition, RefusesWhatIsNone) {
   refuses([](Definition& d) { d.name = "blur"; }, "a dot");
   refuses([](Definition& d) { d.name = "mine.bl ur"; }, "letters");
   refuses([](Definition& d) { d.name = ".blur"; }, "a dot");
-  refuses([](Definition& d) { d.outputs.clear(); }, "no output");
+  const auto computes_nothing = [](Definition& d) {
+    d.outputs.clear();
+    d.backends = {"cpu", "opencl"};
+  };
+  refuses(computes_nothing, "no output");
   refuses([](Definition& d) { d.backends.clear(); }, "no kernel");
   refuses([](Definition& d) { d.size.reset(); }, "size of its own");
   refuses([](Definition& d) { d.outputs.front().name = "image"; }, "two tensors");
@@ -107,6 +111,14 @@ TEST(OwnDefinition, RefusesWhatIsNone) {
   refuses([](Definition& d) { d.frames = 0; }, "frames");
   refuses([](Definition& d) { d.tolerance = 2; }, "tolerance");
   refuses([](Definition& d) { d.backends = {"opencl"}; }, "lists");
+}
+
+TEST(OwnDefinition, MayHaveNoTensors) {
+  Definition made = blur();
+  made.inputs = made.parameters = made.outputs = made.state = {};
+  const Workload alone = to_workload(definition_from(to_json(made)));
+  EXPECT_TRUE(alone.outputs.empty());
+  EXPECT_FALSE(alone.ops);
 }
 
 TEST(OwnDefinition, IsMeasuredWithNumbersOfItsRanges) {

@@ -1,6 +1,6 @@
 /* The source of module_v1_x86_64.so, a module of version 1 that every later pirt loads:
  *   gcc -std=c99 -O2 -shared -fPIC -nostdlib -s -Wl,--build-id=none -I build/include module_v1.c -o module_v1_x86_64.so
- * It is not built with the tests: a binary of then is what they are about. */
+ * The tests load the binary of then, which is what they are about; tests/examples/module_c builds the source, too. */
 #include <pirt/module.h>
 
 static int add(void *kernel, const pirt_call *call) {

@@ -1,6 +1,7 @@
 #include "workloads/base/system/affinity.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cerrno>
