@@ -127,7 +127,6 @@ class CloudKernel : public Kernel {
   void submit() {
     remove_blobs();
     task_.task = link_.next_task();
-    missed_ = 0;
     const auto most_inline = link_.connection().chunk_bytes();
     const auto chunk = link_.connection().blob_chunk_bytes();
     auto& parameters = task_.parameters;
@@ -136,10 +135,11 @@ class CloudKernel : public Kernel {
     const std::uint64_t out = most_bytes_ > most_inline ? most_bytes_ : 0;
     // What a worker answers lies on the stream when what was asked does no more.
     std::string problem = link_.why_too_large(workload_.name, weights + std::max(in, out));
-    const std::uint64_t room = in + out > 0 ? weights + in + out : 0;
+    const std::uint64_t room = in + out + (missed_ > 0 ? weights : 0);
+    missed_ = 0;
     const auto has_room = [&] { return unwanted_ || link_.take_room(room, room_); };
-    if (problem.empty() && !link_.wait(patience_, has_room)) {
-      problem = workload_.name + " found no room beside other calls (cloud-admin setup --robot-mb)";
+    while (problem.empty() && !link_.wait(kLook, has_room)) {
+      if (!link_.wait_until_up(patience_)) problem = link_.why_down();
     }
     if (!problem.empty()) throw_environment(problem);
     if (parameters) parameters->chunk_bytes = chunk;
@@ -235,7 +235,7 @@ class CloudKernel : public Kernel {
   std::span<Tensor> outputs_;
   std::optional<Nanos> expires_at_;
   Bytes sent_;
-  int missed_ = 0;
+  int missed_ = 1;                      ///< Parameters, of the last call; at first they may be.
   ReplyMessage last_;                   ///< To the call before.
   std::atomic<bool> unwanted_ = false;  ///< Nobody waits for the end of the call that is bound.
 };

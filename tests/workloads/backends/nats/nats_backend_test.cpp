@@ -207,7 +207,8 @@ TEST_F(CloudUnitOnAServer, CallsThatAreUnderWayLeaveEachOtherRoomOnTheStream) {
   WorkerOptions options = worker_options(server_.url());
   options.limits.slots = 2;
   worker_ = std::make_unique<WorkerLink>(options, known_);
-  const auto device = open_within_reach();
+  const auto device = open_unit(server_.url(), "", 0);  // who waits for room waits for a worker
+  ASSERT_TRUE(eventually([&] { return dynamic_cast<Remote&>(*device).is_reachable(); }));
   const auto one = device->prepare(big_, {}), other = device->prepare(big_, {});
   std::vector<std::jthread> lanes;
   for (Kernel* kernel : {one.get(), other.get()}) {

@@ -358,6 +358,25 @@ class IdleKernel : public Kernel {
   std::optional<Nanos> execute(int) override { return std::nullopt; }
 };
 
+// What another robot called once does not end it after each of its calls.
+TEST(CloudComputer, AProgramLargerThanTheCacheStaysBesideWhatIsSmall) {
+  int alive = 0, made = 0;
+  const auto computer = cpu_computer(std::uint64_t{30} << 20);
+  const auto small = own_workload("mine.small", [] { return std::make_unique<IdleKernel>(); });
+  const auto large = own_workload("mine.large", [&] {
+    ++made;
+    return std::make_unique<FarKernel>(alive);
+  });
+  for (const auto& workload : {small, large, large, large}) {
+    const auto inputs = make_tensors(workload->inputs);
+    const Call call{.robot = workload == small ? "b" : "a",
+                    .task = task_of(*workload, inputs),
+                    .workload = workload};
+    EXPECT_EQ(computer->compute(call).kind, ReplyKind::kDone);
+  }
+  EXPECT_EQ(made, 1);
+}
+
 // Points without a return are no numbers: on the robot's units it takes them, too.
 TEST(CloudComputer, AnOwnWorkloadTakesAnyNumbersWhereItGivesNoRange) {
   const auto computer = cpu_computer();

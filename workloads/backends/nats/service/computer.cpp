@@ -122,8 +122,8 @@ class DeviceComputer : public Computer {
     if (now > less) entry.bytes = std::max(entry.bytes, now - less);
     if (const auto* const other = dynamic_cast<const OtherProcess*>(entry.kernel.get())) {
       const auto peak = static_cast<std::uint64_t>(other->peak_bytes().value_or(0));
-      // One that is larger than all of it may be there alone.
-      entry.bytes = std::max(entry.bytes, std::min(kept_bytes_, call_bytes(*call.workload) + peak));
+      const std::uint64_t most = kept_bytes_ / 4 * 3;  // What is small has room beside it.
+      entry.bytes = std::max(entry.bytes, std::min(most, call_bytes(*call.workload) + peak));
     }
     if (reply.kind == ReplyKind::kDone) reply.outputs.bytes = encode_tensors(outputs);
     inputs.clear();
