@@ -75,15 +75,12 @@ void add_warnings(const Scenario& scenario, const Mode& mode, std::vector<std::s
     }
   }
   const Mix& mix = scenario.mix;
-  const bool states = !mix.states.empty();
-  if (states || mix.reads_earlier()) {
-    warnings.emplace_back(
-        "the bounds leave out that tasks wait for data of earlier firings (@-1) and for states");
-  }
-  // Within a firing, and where all is one plan, it has them in their order.
-  if (mode.policy.planner != nullptr && ((states && !mix.fires_once()) || mix.reads_earlier())) {
-    warnings.emplace_back(
-        "the plan leaves out that tasks wait for data and for states of other firings");
+  if (!mix.states.empty() || mix.reads_earlier()) {
+    // A plan has the states within a firing, and all of them where all is one firing.
+    const bool plan = mode.policy.planner != nullptr && (!mix.fires_once() || mix.reads_earlier());
+    warnings.push_back(
+        std::string(plan ? "the plan and the bounds" : "the bounds") +
+        " leave out that tasks wait for data of earlier firings (@-1) and for states");
   }
   if (mode.policy.cloud_use != CloudUse::kNotRealTime) return;
   const UnitMask cloud = cloud_units(platform);
@@ -166,11 +163,11 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
   const Mode& mode = setup.mode;
   std::optional<PlannedBudget> own;  // Where the caller keeps none.
   std::vector<TriedPlan> tried;
-  if (mode.policy.budgets && mix.fires_once()) {
-    tried = plan_once(setup, options);
-  } else if (mode.policy.budgets) {
+  if (mode.policy.budgets) {
     std::optional<PlannedBudget>& known = planned == nullptr ? own : *planned;
-    if (!known) known = plan_budget(setup, options);
+    if (!known) {
+      known = mix.fires_once() ? plan_once(setup, options) : plan_budget(setup, options);
+    }
     follow(*known, setup);
     if (time == "live") plan_for_losses(setup, options);
     tried = known->tried;

@@ -53,7 +53,7 @@ class Analysis {
       const auto& classes = scenario.classes[p];
       for (std::size_t t = 0; t < classes.size(); ++t) {
         add(p, classes[t].entry);
-        if (!is_periodic(p)) continue;  // Of others nobody asks.
+        if (!plan_.pipelines[p].is_periodic()) continue;  // Of others nobody asks.
         auto& before = before_[classes[t].entry];
         for (const std::size_t each : scenario.mix.pipelines[p].waits_for(t)) {
           const std::uint32_t entry = classes[each].entry;
@@ -75,7 +75,7 @@ class Analysis {
     std::vector<Guarantee> results(scenario_.mix.pipelines.size());
     std::vector<bool> done(results.size(), false);
     for (std::size_t p = 0; p < results.size(); ++p) {
-      if (!is_periodic(p)) continue;
+      if (!plan_.pipelines[p].is_periodic()) continue;
       results[p].not_analysed = obstacles_[p];
       results[p].analysed = obstacles_[p].empty();
       if (!results[p].analysed || done[p]) continue;
@@ -117,13 +117,16 @@ class Analysis {
  private:
   /// As much time is left to others as no guarantee is lost by: any; or any of what guaranteed
   /// tasks have, and of what the rest has until its next firing all, half and so on; or such a part
-  /// of what guaranteed tasks have alone. False where nothing is guaranteed.
+  /// of what guaranteed tasks have alone; and what each may wait for a rival anyway. False where
+  /// nothing is guaranteed.
   bool share_slack() {
     constexpr std::array kParts = {1.0, 0.5, 0.25, 0.125, 0.0};
     std::vector<Nanos> responses;  // If others held no unit.
     const auto settles_with = [&](const auto& guaranteed, const auto& rest) {
       for (Analysed& each : tasks_) {
-        each.tolerates = keeps_[each.pipeline] ? guaranteed(each) : rest(each);
+        each.tolerates = Nanos::zero();
+        const Nanos anyway = blocking_of(each);  // By rivals, which costs nothing more.
+        each.tolerates = std::max(anyway, keeps_[each.pipeline] ? guaranteed(each) : rest(each));
         each.ready = each.response = Nanos::zero();
       }
       const auto settled = settled_responses();
@@ -282,14 +285,10 @@ class Analysis {
     return a.unit == b.unit && concurrent(a.entry, b.entry);
   }
 
-  [[nodiscard]] bool is_periodic(std::size_t pipeline) const {
-    return plan_.pipelines[pipeline].is_periodic();
-  }
-
   void add(std::size_t pipeline, std::uint32_t entry) {
     const BudgetPlan::Task& task = plan_.tasks[entry];
     if (plan_.pipelines[pipeline].deadline) units_[pipeline] |= units_of(entry);
-    if (!is_periodic(pipeline)) {
+    if (!plan_.pipelines[pipeline].is_periodic()) {
       for (const UnitId each : task.units) {
         if (task.capacity[each] == 0) continue;
         others_[each] = std::max(others_[each], task.holds(each));
@@ -354,7 +353,7 @@ class Analysis {
     const Mix& mix = scenario_.mix;
     std::int64_t used = 0;
     for (std::size_t p = 0; mix.image_buffers && p < mix.pipelines.size(); ++p) {
-      if (mix.pipelines[p].has_image_input() && !is_periodic(p)) return true;
+      if (mix.pipelines[p].has_image_input() && !plan_.pipelines[p].is_periodic()) return true;
       used += image_buffers_of(mix.pipelines[p]);
     }
     return used > mix.image_buffers.value_or(used);

@@ -31,6 +31,8 @@ constexpr Extent kJudged = {5000, 100};  ///< Of the run that a candidate is jud
 // In all trials of a plan, and of one that is for another objective or for when a unit is away.
 constexpr std::int64_t kMostTasks = 100'000;
 constexpr std::int64_t kMostTasksBeside = 20'000;
+/// Tasks of a mix that fires once, for trials: each end in them asks for all that wait.
+constexpr std::size_t kMostOnce = 200;
 constexpr double kAlike = 0.003;  ///< Figures that differ by less count as the same.
 /// What may be given away of the objective for the figures behind it, all in all.
 constexpr double kSlack = 0.005;
@@ -127,8 +129,10 @@ class Trial {
     end_after(lasts_s(extent.tasks), lasts_s(extent.most_times * extent.tasks));
   }
 
-  TrialResult run(const BudgetChoice& choice) {
+  /// @param plan  Followed in place of the choice, if it has entries.
+  TrialResult run(const BudgetChoice& choice, const MixPlan& plan = {}) {
     PolicySetup policy = setup_.policy_setup;
+    policy.plan = plan;
     policy.budget = choice.plan;
     for (std::size_t p = 0; p < mix_.pipelines.size(); ++p) {
       policy.budget.pipelines[p].offset = mix_.pipelines[p].offset;
@@ -518,6 +522,23 @@ std::vector<Candidate> candidates_of(const ModeSetup& setup, const ScheduleOptio
   return candidates;
 }
 
+/// What the mode follows, and what that comes to.
+std::pair<PlannedBudget, TrialResult> take_best(const ModeSetup& setup,
+                                                const ScheduleOptions& options) {
+  const Goals goals = goals_of(setup, options, objective_of(options));
+  auto candidates = candidates_of(setup, options);
+  Candidate* best = &candidates.front();
+  for (Candidate& each : candidates) {
+    // What plans nothing guarantees nothing: the last of the figures is no reason to follow it.
+    const std::size_t counted = each.choice.follows == nullptr ? kKeys : kKeys - 1;
+    if (is_better(keys(each.result, goals), keys(best->result, goals), counted)) best = &each;
+  }
+  best->result.taken = true;
+  PlannedBudget planned{.choice = std::move(best->choice)};
+  for (const Candidate& each : candidates) planned.tried.push_back(each.result);
+  return {std::move(planned), best->result};
+}
+
 }  // namespace
 
 void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options) {
@@ -550,50 +571,31 @@ void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options) {
 }
 
 PlannedBudget plan_budget(const ModeSetup& setup, const ScheduleOptions& options) {
-  const Goals goals = goals_of(setup, options, objective_of(options));
-  auto candidates = candidates_of(setup, options);
-  Candidate* best = &candidates.front();
-  for (Candidate& each : candidates) {
-    // What plans nothing guarantees nothing: the last of the figures is no reason to follow it.
-    const std::size_t counted = each.choice.follows == nullptr ? kKeys : kKeys - 1;
-    if (is_better(keys(each.result, goals), keys(best->result, goals), counted)) best = &each;
-  }
-  best->result.taken = true;
-  PlannedBudget planned{.choice = std::move(best->choice)};
-  for (const Candidate& each : candidates) planned.tried.push_back(each.result);
-  return planned;
+  return take_best(setup, options).first;
 }
 
 void follow(const PlannedBudget& planned, ModeSetup& setup) {
   setup.scenario.in_flight = planned.choice.in_flight;
   setup.policy_setup.budget = planned.choice.plan;
   setup.policy_setup.follows = planned.choice.follows;
+  setup.policy_setup.plan = planned.plan;
   if (planned.choice.follows != nullptr) setup.scenario.keep_calls_whole();
   setup.policy = setup.mode.policy.make(setup.policy_setup);
 }
 
-std::vector<TriedPlan> plan_once(ModeSetup& setup, const ScheduleOptions& options) {
-  const auto late_of = [&setup](const BudgetChoice& choice) {
-    const TrialResult result = Trial(setup, kJudged, choice.follows == nullptr).run(choice);
-    return std::pair(result.late, result.misses);
-  };
-  PolicySetup& policy = setup.policy_setup;
-  policy.plan = plan_mix(setup.scenario, shortened_plan);
+PlannedBudget plan_once(const ModeSetup& setup, const ScheduleOptions& options) {
+  const BudgetPlan& budget = setup.policy_setup.budget;
+  PlannedBudget once{.choice = {budget, setup.scenario.in_flight},
+                     .plan = plan_mix(setup.scenario, shortened_plan)};
   const auto is_urgent = [](const auto& pipeline) { return pipeline.deadline.has_value(); };
-  if (std::ranges::any_of(policy.budget.pipelines, is_urgent)) {
-    const auto late = late_of({policy.budget, setup.scenario.in_flight});
-    MixPlan plan = std::exchange(policy.plan, {});
-    if (late.second > 0) {
-      const PlannedBudget planned = plan_budget(setup, options);
-      if (late_of(planned.choice) < late) {
-        follow(planned, setup);
-        return planned.tried;
-      }
-    }
-    policy.plan = std::move(plan);
+  if (budget.tasks.size() > kMostOnce || std::ranges::none_of(budget.pipelines, is_urgent)) {
+    return once;
   }
-  setup.policy = setup.mode.policy.make(policy);
-  return {};
+  const TrialResult result = Trial(setup, kJudged).run(once.choice, once.plan);
+  if (result.misses == 0) return once;
+  const auto [planned, taken] = take_best(setup, options);
+  const bool fewer = std::pair(taken.late, taken.misses) < std::pair(result.late, result.misses);
+  return fewer ? planned : once;
 }
 
 }  // namespace pirt

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "scheduler/planner/budget_plan.h"
+#include "scheduler/planner/mix_plan.h"
 #include "scheduler/policies/setup.h"
 #include "scheduler/record/run_record.h"
 
@@ -22,6 +23,7 @@ struct BudgetChoice {
 struct PlannedBudget {
   BudgetChoice choice;
   std::vector<TriedPlan> tried = {};  ///< It and what it was compared with.
+  MixPlan plan = {};                  ///< In place of the choice, if it has entries.
 };
 
 /// Plans for each objective, with frames in flight that nobody gave, and runs these plans, and
@@ -32,16 +34,16 @@ struct PlannedBudget {
 /// same inputs give the same.
 /// @param setup  Of mode budget, without a static plan.
 [[nodiscard]] PlannedBudget plan_budget(const ModeSetup& setup, const ScheduleOptions& options);
+/// The same for a mix that fires once: a static plan, compared with nothing, unless that misses
+/// deadlines and plan_budget's choice fewer; of large graphs always, as trials take their square.
+[[nodiscard]] PlannedBudget plan_once(const ModeSetup& setup, const ScheduleOptions& options);
 /// @p setup follows it, with its policy made anew.
 void follow(const PlannedBudget& planned, ModeSetup& setup);
-/// The same for a mix that fires once: it follows a static plan, unless that misses deadlines and
-/// plan_budget's choice fewer. @return  What that was compared with; empty for the static plan.
-[[nodiscard]] std::vector<TriedPlan> plan_once(ModeSetup& setup, const ScheduleOptions& options);
 
 /// Adds a plan for each unit that may go away (PolicySetup::budget_without), and makes the policy
 /// of @p setup anew: for live runs, where units do. Frames in flight stay what they are. Nothing
 /// for a mix that fires once.
-/// @param setup  That follows what plan_budget planned.
+/// @param setup  That follows what was planned.
 void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options);
 
 }  // namespace pirt

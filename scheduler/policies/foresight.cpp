@@ -12,6 +12,8 @@ constexpr Nanos kGrace = std::chrono::milliseconds(1);  ///< That a clock may be
 constexpr std::size_t kLooksAt = 8;  ///< Waiting tasks of one entry; more are late anyway.
 /// Demands that are gone through for one answer: what is not late by then is taken not to be.
 constexpr int kMostDemands = 1000;
+/// Of a heap whose top is the most urgent demand.
+constexpr auto kLater = [](const auto& a, const auto& b) { return a.latest_end > b.latest_end; };
 
 }  // namespace
 
@@ -161,6 +163,27 @@ Foresight::Span Foresight::Timeline::serve(Nanos ready, Nanos needs) {
   return {begun.value_or(begin), free};
 }
 
+/// What may need the unit beside the task, which would have it until @p ends: the first of each
+/// entry. @return  When a firing that should have come by then is missing.
+Nanos Foresight::first_demands(std::uint32_t entry, UnitId unit, Nanos now, Nanos ends) {
+  const auto& state = plan_.tasks[entry].state;
+  demands_.clear();
+  Nanos ask_again = Nanos::max();
+  for (const std::uint32_t each : on_[unit]) {
+    // What shares a state with the task comes behind it, and cannot be late for want of the unit.
+    if (each != entry && state && plan_.tasks[each].state == state) continue;
+    const std::size_t pipeline = plan_.tasks[each].pipeline;
+    if (comes(pipeline) && nominal(pipeline, streams_[pipeline].next) < ends) {
+      ask_again = std::min(ask_again, missing(pipeline));
+    }
+    // Of its own the most urgent is the one that asks.
+    const std::size_t own = each == entry && !waiting_[each].empty() ? 1 : 0;
+    if (const auto first = demand(each, unit, own, now)) demands_.push_back(*first);
+  }
+  std::ranges::make_heap(demands_, kLater);
+  return ask_again;
+}
+
 std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos now) {
   if (on_[unit].empty()) return std::nullopt;
   const BudgetPlan::Task& asking = plan_.tasks[entry];
@@ -172,57 +195,56 @@ std::optional<Nanos> Foresight::conflict(std::uint32_t entry, UnitId unit, Nanos
   const Nanos takes = asking.takes(unit) - elsewhere(asking, unit);
   Nanos own_end = latest_end(entry);
   if (own_end != Nanos::max()) own_end -= elsewhere(asking, unit);
-  const auto later = [](const Demand& a, const Demand& b) { return a.latest_end > b.latest_end; };
-  demands_.clear();
-  Nanos ask_again = Nanos::max();
-  for (const std::uint32_t each : on_[unit]) {
-    // What shares a state with the task comes behind it, and cannot be late for want of the unit.
-    if (each != entry && asking.state && plan_.tasks[each].state == asking.state) continue;
-    const std::size_t pipeline = plan_.tasks[each].pipeline;
-    if (comes(pipeline) && nominal(pipeline, streams_[pipeline].next) < now + takes) {
-      ask_again = std::min(ask_again, missing(pipeline));
-    }
-    // Of its own the most urgent is the one that asks.
-    const std::size_t own = each == entry && !waiting_[each].empty() ? 1 : 0;
-    if (const auto first = demand(each, unit, own, now)) demands_.push_back(*first);
-  }
-  std::ranges::make_heap(demands_, later);
   // What can be left goes on while nothing more urgent is there, and holds the unit for a slice.
   const bool sliced = asking.can_be_suspended(unit);
   const Nanos slice = asking.slice_on(unit) / at_once;
-  without_.free = now;
-  behind_.free = now + (sliced ? slice + asking.prepare[unit] : takes);
-  without_.idle.clear();
-  behind_.idle.clear();
-  Nanos ends = now + takes;  // The task, which what is let in puts off.
+  Nanos ask_again{0};
   Nanos urgent{0};
+  Nanos left_out{0};  // When the first of the demands that were left out is ready.
+  Nanos busy = now;   // Until then the unit is at least, with the task and what it puts off.
   bool late = false;
-  for (int i = 0; i < kMostDemands && !demands_.empty(); ++i) {
-    std::ranges::pop_heap(demands_, later);
-    const Demand each = demands_.back();
-    demands_.pop_back();
-    if (each.latest_end >= own_end) break;
-    if (each.ready >= std::max(ends, behind_.free)) continue;  // Nor do later ones meet the task.
-    if (const auto next = demand(each.entry, unit, each.place + 1, now)) {
-      demands_.push_back(*next);
-      std::ranges::push_heap(demands_, later);
+  int may_look = kMostDemands;
+  do {
+    ask_again = first_demands(entry, unit, now, now + takes);
+    without_.free = now;
+    behind_.free = now + (sliced ? slice + asking.prepare[unit] : takes);
+    without_.idle.clear();
+    behind_.idle.clear();
+    Nanos ends = now + takes;  // The task, which what is let in puts off.
+    urgent = Nanos::zero();
+    left_out = Nanos::max();
+    for (; may_look > 0 && !demands_.empty(); --may_look) {
+      std::ranges::pop_heap(demands_, kLater);
+      const Demand each = demands_.back();
+      demands_.pop_back();
+      if (each.latest_end >= own_end) break;
+      if (each.ready >= std::max({ends, behind_.free, busy})) {
+        left_out = std::min(left_out, each.ready);  // Later ones do not meet the task, either.
+        continue;
+      }
+      if (const auto next = demand(each.entry, unit, each.place + 1, now)) {
+        demands_.push_back(*next);
+        std::ranges::push_heap(demands_, kLater);
+      }
+      const BudgetPlan::Task& other = plan_.tasks[each.entry];
+      const Nanos needs = other.takes(unit) - elsewhere(other, unit);
+      const Nanos end = without_.serve(each.ready, needs).second;
+      // One that comes while the task has the unit waits for the end of a slice; one of the same
+      // program, which no call lets in, for that of the task.
+      const bool let_in = sliced && other.context[unit] != asking.context[unit];
+      const bool meets = let_in && each.ready > now && each.ready < ends;
+      const Nanos left = meets ? std::min(each.ready + slice, ends) : each.ready;
+      const auto [begin, end_behind] = behind_.serve(let_in ? left : std::max(left, ends), needs);
+      if (begin < ends) ends += needs;
+      urgent += needs;
+      if (end_behind > each.latest_end && end <= each.latest_end) {
+        late = true;
+        if (own_end == Nanos::max()) break;
+      }
     }
-    const BudgetPlan::Task& other = plan_.tasks[each.entry];
-    const Nanos needs = other.takes(unit) - elsewhere(other, unit);
-    const Nanos end = without_.serve(each.ready, needs).second;
-    // One that comes while the task has the unit waits for the end of a slice; one of the same
-    // program, which no call lets in, for that of the task.
-    const bool let_in = sliced && other.context[unit] != asking.context[unit];
-    const bool meets = let_in && each.ready > now && each.ready < ends;
-    const Nanos left = meets ? std::min(each.ready + slice, ends) : each.ready;
-    const auto [begin, end_behind] = behind_.serve(let_in ? left : std::max(left, ends), needs);
-    if (begin < ends) ends += needs;
-    urgent += needs;
-    if (end_behind > each.latest_end && end <= each.latest_end) {
-      late = true;
-      if (own_end == Nanos::max()) break;
-    }
-  }
+    busy = std::max(ends, behind_.free);
+    // What was left out comes before less urgent ones that are put off so far: again, with it.
+  } while (!late && left_out < busy && may_look > 0);
   if (!late) return std::nullopt;
   if (own_end != Nanos::max()) {
     const Nanos latest_start = own_end - takes - urgent;

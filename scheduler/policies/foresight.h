@@ -75,6 +75,7 @@ class Foresight {
   [[nodiscard]] Nanos elsewhere(const BudgetPlan::Task& task, UnitId unit) const;
   [[nodiscard]] std::optional<Demand> demand(std::uint32_t entry, UnitId unit, std::size_t place,
                                              Nanos now) const;
+  Nanos first_demands(std::uint32_t entry, UnitId unit, Nanos now, Nanos ends);
   [[nodiscard]] std::optional<Nanos> breaks_guarantee(const BudgetPlan::Task& asking, UnitId unit,
                                                       Nanos now) const;
   [[nodiscard]] std::optional<Nanos> coming(std::size_t pipeline, std::size_t place,

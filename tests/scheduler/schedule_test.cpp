@@ -71,7 +71,7 @@ TEST(Schedule, SaysWhatAPlanLeavesOutWhereItDoes) {
   };
   EXPECT_THAT(warnings(1), Contains(HasSubstr("the bounds leave out")));
   EXPECT_THAT(warnings(1), testing::Not(Contains(HasSubstr("the plan"))));
-  EXPECT_THAT(warnings(2), Contains(HasSubstr("the plan leaves out")));
+  EXPECT_THAT(warnings(2), Contains(HasSubstr("the plan and the bounds leave out")));
 }
 
 TEST(Schedule, WarnsWhenAdvancedHasNoCloudAndWhenThereIsNoDsp) {

@@ -4,6 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <ctime>
+
+#include "scheduler/budget/planning.h"
+#include "scheduler/policies/foresight.h"
 #include "scheduler/record/keeping_up.h"
 #include "tests/scheduler/support.h"
 #include "workloads/base/math/random.h"
@@ -425,6 +429,47 @@ TEST(Budget, WhatCannotBeGuaranteedKeepsNoSliceFromItsUnit) {
   EXPECT_EQ(real_time_losses(record), 0);
 }
 
+// imu may wait for `cam` for 8 ms anyway: a slice of `job` takes 3 of them. `log` has no room.
+TEST(Budget, WhatMayWaitForARivalMayAsLongForASlice) {
+  for (const int deadline_ms : {10, 5}) {
+    const RunRecord record = run_for(
+        10, kSliced,
+        fmt::format("  imu: {{rate_hz: 100, deadline_ms: {}, tasks: [{{name: i, service_ms: {{cpu: "
+                    "1}}}}]}}\n",
+                    deadline_ms) +
+            "  cam: {rate_hz: 20, deadline_ms: 44, tasks: [{name: c, service_ms: {cpu: 8}}]}\n" +
+            kSlicedJob +
+            "  log: {rate_hz: 1, real_time: false, tasks: [{name: o, service_ms: {cpu: 40}}]}\n");
+    EXPECT_EQ(record.pipelines[0].guaranteed, deadline_ms == 10);
+    EXPECT_EQ(record.pipelines[1].guaranteed, true) << deadline_ms;
+    EXPECT_GE(record.pipelines[2].completed, 9) << deadline_ms;
+    EXPECT_EQ(real_time_losses(record), 0) << deadline_ms;
+  }
+}
+
+// Behind `job` of 0 ms, y is served from 10 on, and from 14.2 on behind x: it would end at 20 of
+// 16.5. (By z neither is guaranteed.)
+TEST(Foresight, WhatIsPutOffMeetsWhatIsMoreUrgentAndComesLater) {
+  const std::string pipelines =
+      "  x: {rate_hz: 10, offset_ms: 10.2, deadline_ms: 6, tasks: [{name: t, service_ms: {cpu: "
+      "4}}]}\n"
+      "  y: {rate_hz: 10, offset_ms: 1.5, deadline_ms: 15, tasks: [{name: t, service_ms: {cpu: "
+      "6}}]}\n"
+      "  z: {rate_hz: 1, offset_ms: 50, deadline_ms: 900, tasks: [{name: t, service_ms: {cpu: "
+      "15}}]}\n"
+      "  job: {rate_hz: 10, real_time: false, tasks: [{name: j, service_ms: {cpu: 10}}]}\n";
+  const Platform platform = platform_of(kOne);
+  const Mix mix = mix_of("mix: m\npipelines:\n" + pipelines);
+  ScheduleOptions options;
+  options.mode = "budget";
+  const ModeSetup setup = set_up_mode(platform, nullptr, mix, options);
+  Foresight foresight(setup.policy_setup.budget);
+  EXPECT_TRUE(foresight.conflict(3, 0, Nanos(0)));
+  const RunRecord record = run_for(5, kOne, pipelines);
+  EXPECT_EQ(real_time_losses(record), 0);
+  EXPECT_GE(record.pipelines[3].completed, 49);
+}
+
 // Beside `job`, b of 50 ms is served from 54 on, between c of 50 and of 60. Behind c of 90, it
 // would end at 98 of 97 ms.
 TEST(Foresight, WhatComesServesThePausesOfWhatIsMoreUrgent) {
@@ -499,6 +544,40 @@ TEST(Budget, AMixThatFiresOnceMeetsItsDeadline) {
       "  b: {closed_loop: {frames: 1}, tasks: [{name: t, service_ms: {cpu: 10}}]}\n");
   EXPECT_EQ(deadline_misses(record), 0);
   EXPECT_EQ(record.planned_makespan_s, std::nullopt);
+}
+
+// A redrawn run follows what was planned for the run as it is.
+TEST(Budget, WhatIsPlannedForAMixThatFiresOnceIsKept) {
+  const Platform platform = platform_of(kOne);
+  const Mix mix = mix_of(
+      "mix: m\npipelines:\n"
+      "  a: {closed_loop: {frames: 1}, deadline_ms: 5, tasks: [{name: t, service_ms: {cpu: 4}}]}\n"
+      "  b: {closed_loop: {frames: 1}, tasks: [{name: t, service_ms: {cpu: 10}}]}\n");
+  ScheduleOptions options;
+  options.mode = "budget";
+  std::optional<PlannedBudget> planned;
+  ASSERT_FALSE(run_virtual(platform, nullptr, mix, options, &planned).tried.empty());
+  ASSERT_TRUE(planned);
+  planned->tried.front().name = "kept";
+  const RunRecord again = run_virtual(platform, nullptr, mix, options, &planned);
+  ASSERT_FALSE(again.tried.empty());
+  EXPECT_EQ(again.tried.front().name, "kept");
+  EXPECT_EQ(deadline_misses(again), 0);
+}
+
+TEST(Budget, ALargeGraphThatMissesItsDeadlineIsPlannedInLittleTime) {
+  std::string tasks;
+  for (int i = 0; i < 1000; ++i) tasks += fmt::format("{{name: t{}, service_ms: {{cpu: 1}}}}, ", i);
+  const Platform platform = platform_of(kOne);
+  const Mix mix =
+      mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 1}, deadline_ms: 1, tasks: [" + tasks +
+             "]}}\n");
+  ScheduleOptions options;
+  options.mode = "budget";
+  const std::clock_t begin = std::clock();
+  const ModeSetup setup = set_up_mode(platform, nullptr, mix, options);
+  EXPECT_EQ(plan_once(setup, options).plan.entries.size(), 1000U);
+  EXPECT_LT(std::clock() - begin, 2 * CLOCKS_PER_SEC) << "of processor time";
 }
 
 // x first, on b, would be the 20 ms of edf; x on c, beside y, are 11.
