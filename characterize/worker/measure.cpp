@@ -514,9 +514,7 @@ PhaseSamples sample_executions(Kernel& kernel, const Clock& clock, std::int64_t 
 }
 
 std::int64_t batch_size(Nanos one_call, const ClockQuality& quality) {
-  const double doubt_ns =
-      std::max(quality.cost_ns, static_cast<double>(quality.resolution.count()));
-  const Nanos least = std::max(kBatchTime, Nanos(std::llround(kClockTimes * doubt_ns)));
+  const Nanos least = std::max(kBatchTime, Nanos(std::llround(kClockTimes * quality.doubt_ns())));
   if (one_call >= least) return 1;
   const std::int64_t call_ns = std::max<std::int64_t>(1, one_call.count());
   return std::min(kMostCallsAtOnce, (least.count() + call_ns - 1) / call_ns);
@@ -525,9 +523,7 @@ std::int64_t batch_size(Nanos one_call, const ClockQuality& quality) {
 bool is_clock_bound(Nanos median_sample, std::int64_t batch, const ClockQuality& quality) {
   if (quality.cost_ns <= 0) return false;
   const double timed_ns = static_cast<double>(median_sample.count()) * static_cast<double>(batch);
-  const double doubt_ns =
-      std::max(quality.cost_ns, static_cast<double>(quality.resolution.count()));
-  return doubt_ns > kClockBoundShare * std::max(timed_ns, 1.0);
+  return quality.doubt_ns() > kClockBoundShare * std::max(timed_ns, 1.0);
 }
 
 }  // namespace pirt

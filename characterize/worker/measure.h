@@ -4,6 +4,7 @@
 // would show. Knows nothing of processes, files or validity; see worker.h, cell.h.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -22,6 +23,11 @@ namespace pirt {
 struct ClockQuality {
   double cost_ns = 0;
   Nanos resolution{1};
+
+  /// By so much an interval may be off.
+  [[nodiscard]] double doubt_ns() const {
+    return std::max(cost_ns, static_cast<double>(resolution.count()));
+  }
 };
 
 /// Median cost of a reading over 21 rounds of 500, and the smallest step seen. Takes less than a

@@ -77,19 +77,29 @@ class ChildEnvironment {
   std::vector<char*> pointers_;
 };
 
-/// Between fork and exec; only calls that POSIX allows there.
-/// @param problem  Where the error goes if it cannot: an exit status may be a program's own.
+/// What a child says of itself before it becomes the program, and where it cannot.
+struct Start {
+  std::int64_t most_kib = 0;  ///< What the kernel counts already, of the copy of this process.
+  std::int64_t error = 0;     ///< As errno; an exit status may be a program's own. 0 = it could.
+};
+
+/// Between fork and exec; only calls that POSIX allows there, and bare system calls.
+/// @param start  Where the fields of Start go.
 [[noreturn]] void become(const char* program, char* const* arguments, char* const* environment,
-                         int in, int out, int err, int problem, pid_t parent) {
+                         int in, int out, int err, int start, pid_t parent) {
   ::setpgid(0, 0);
   begin_child(parent, STDERR_FILENO + 1);
   ::signal(SIGINT, SIG_DFL);
+  rusage used{};
+  ::getrusage(RUSAGE_SELF, &used);
+  const std::int64_t most_kib = used.ru_maxrss;
+  static_cast<void>(!::write(start, &most_kib, sizeof most_kib));
   if (::dup2(in, STDIN_FILENO) >= 0 && ::dup2(out, STDOUT_FILENO) >= 0 &&
       ::dup2(err, STDERR_FILENO) >= 0) {
     ::execve(program, arguments, environment);
   }
-  const int error = errno;
-  static_cast<void>(!::write(problem, &error, sizeof error));
+  const std::int64_t error = errno;
+  static_cast<void>(!::write(start, &error, sizeof error));
   ::_exit(EXIT_FAILURE);
 }
 
@@ -106,18 +116,18 @@ class Child {
     const FileDescriptor input = input_file(request.input);
     Pipe out = make_pipe();
     Pipe err = make_pipe();
-    Pipe problem = make_pipe(O_NONBLOCK);
+    Pipe start = make_pipe(O_NONBLOCK);
     const pid_t self = ::getpid();
     pid_ = ::fork();
     if (pid_ < 0) throw_system("start a process", errno);
     if (pid_ == 0) {
       become(words[0].c_str(), arguments.data(), environment.get(), input.get(), out.write.get(),
-             err.write.get(), problem.write.get(), self);
+             err.write.get(), start.write.get(), self);
     }
     ::setpgid(pid_, pid_);  // also here, so that a kill right away finds the group
     out_ = std::move(out.read);
     err_ = std::move(err.read);
-    problem_ = std::move(problem.read);
+    start_ = std::move(start.read);
     end_ = FileDescriptor(static_cast<int>(::syscall(SYS_pidfd_open, pid_, 0)));
   }
   ~Child() {
@@ -157,10 +167,11 @@ class Child {
     return info.si_pid == pid_ ? std::optional(info) : std::nullopt;
   }
 
-  /// Once it has ended: why it could not become the program, as errno; 0 = it did.
-  [[nodiscard]] int start_problem() const {
-    int error = 0;
-    return ::read(problem_.get(), &error, sizeof error) == sizeof error ? error : 0;
+  /// Once it has ended.
+  [[nodiscard]] Start start() const {
+    Start start;
+    static_cast<void>(!::read(start_.get(), &start, sizeof start));
+    return start;
   }
 
   /// Once it has ended. The C library's waitid has no place for it.
@@ -181,7 +192,7 @@ class Child {
   }
 
   pid_t pid_ = -1;
-  FileDescriptor out_, err_, problem_;
+  FileDescriptor out_, err_, start_;
   FileDescriptor end_;  ///< Readable once it has ended; none on kernels before 5.3.
 };
 
@@ -212,7 +223,6 @@ ProcessResult run_process(const ProcessRequest& request) {
   const auto killed_for_memory = [] { return number_of("/proc/vmstat", "oom_kill", ' '); };
   const auto killed_before = killed_for_memory();
   ProcessResult result;
-  result.inherited_bytes = number_of("/proc/self/status", "VmRSS", ':').value_or(0) << 10;
   const Nanos begin = clock.now();
   Child child(request);
   Deadline deadline(clock.now(), request.limit);
@@ -237,6 +247,8 @@ ProcessResult run_process(const ProcessRequest& request) {
   }
   result.wall = clock.now() - begin;
   take_usage(child.usage(), result);
+  const Start start = child.start();
+  result.inherited_bytes = start.most_kib * 1024;
   drain(child, result);
   const siginfo_t info = child.ended().value();
   result.end =
@@ -244,9 +256,10 @@ ProcessResult run_process(const ProcessRequest& request) {
   result.code = info.si_status;
   result.out_of_memory = result.end == ProcessResult::End::kSignalled && result.code == SIGKILL &&
                          killed_for_memory().value_or(0) > killed_before.value_or(0);
-  if (const int error = child.start_problem(); error != 0) {
+  if (start.error != 0) {
     throw_environment(fmt::format("cannot start '{}': {}; give the path of a program",
-                                  request.program.string(), std::strerror(error)));
+                                  request.program.string(),
+                                  std::strerror(static_cast<int>(start.error))));
   }
   return result;
 }

@@ -38,10 +38,10 @@ struct ProcessResult {
   bool out_of_memory = false;  ///< The kernel killed it for memory.
   Nanos wall{0};               ///< From its start until it was seen to have ended.
   Nanos cpu{0};                ///< Processor time, with that of children that it waited for.
-  /// The most that it, or one of those, had resident; no less than what this process had when it
-  /// started it, which the kernel counts as well.
+  /// The most that it, or one of those, had resident; no less than what it had as a copy of this
+  /// process, which the kernel counts as well: what this process has written, and little else.
   std::int64_t peak_bytes = 0;
-  std::int64_t inherited_bytes = 0;  ///< What this process had resident then.
+  std::int64_t inherited_bytes = 0;  ///< As that copy.
 };
 
 /// Runs the program to its end, or kills it and whatever it started (its process group) when the

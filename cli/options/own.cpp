@@ -41,13 +41,14 @@ bool may_be_loaded(const fs::path& file, const fs::path& mix) {
 }
 
 /// Whether it names workloads that are not pirt's and that nobody here has said anything of.
-bool names_unknown(const std::string& mix, const Profile& profile) {
+bool names_unknown(const std::string& mix, const Profile& profile, const Platform* platform) {
   std::error_code none;
   if (!fs::is_regular_file(mix, none)) return false;          // What a pipe has is read once.
   const std::vector<std::string> rows = profile.workloads();  // Imported ones are that alone.
-  return std::ranges::any_of(named_workloads(mix), [&rows](const std::string& name) {
+  return std::ranges::any_of(named_workloads(mix), [&](const std::string& name) {
     return is_foreign(name) && try_find_own(own::plain_name(name)) == nullptr &&
-           std::ranges::find(rows, name) == rows.end();
+           std::ranges::find(rows, name) == rows.end() &&
+           (platform == nullptr || !platform->workloads.contains(name));
   });
 }
 
@@ -70,7 +71,11 @@ std::vector<std::string> OwnFiles::all(const std::string& mix) const {
   std::vector<std::string> all;
   const auto add = [&all](const fs::path& file) {
     const std::string path = fs::absolute(file).lexically_normal().string();
-    if (std::ranges::find(all, path) == all.end()) all.push_back(path);
+    const auto is_it = [&path](const std::string& each) {
+      std::error_code none;
+      return each == path || fs::equivalent(each, path, none);
+    };
+    if (std::ranges::none_of(all, is_it)) all.push_back(path);
   };
   for (const std::string& file : files) add(file);
   if (!mix.empty() && names_a_file(mix)) {
@@ -109,24 +114,35 @@ void load(const std::vector<std::string>& files) {
   }
 }
 
-std::set<std::string> known_of(const std::string& file) {
+std::set<std::string> known_of(const std::string& file, const std::string& digest) {
   std::set<std::string> names;
   for (const Workload* each : own_workloads()) {
     const OwnOperation* const own = own_operation(*each);
-    if (own != nullptr && own->source == file) names.insert(each->name);
+    if (own == nullptr || own->source != file) continue;
+    if (digest.empty() || own->digest == digest) names.insert(each->name);
   }
   return names;
 }
 
-void hold_against(Profile& profile, const std::vector<std::string>& files, const std::string& mix) {
+void hold_against(Profile& profile, const std::vector<std::string>& files, const std::string& mix,
+                  const Platform* platform) {
+  own::NamesOfFiles names;
   for (const std::string& file : files) {
     const std::string digest = own::digest_of(file);
     auto workloads = measured_of(profile, file, digest);
     if (workloads.empty()) {
       learn({file});
-    } else if (names_unknown(mix, profile) && !is_loaded(file)) {
-      ask(file);
+    } else if (names_unknown(mix, profile, platform) && !is_loaded(file)) {
+      try {
+        ask(file);
+      } catch (const Error& error) {  // Its rows are here all the same.
+        warn(error.what());
+      }
     }
+    // Of what it holds now: what was measured of it may have moved to another one.
+    auto its = measured_of(profile, "", digest);
+    its.merge(known_of(file, digest));
+    names.add(file, its);
     workloads.merge(known_of(file));
     const std::string changed = doubt_changed(profile, workloads, digest);
     if (!changed.empty()) warn(own::not_as_measured(file, changed));

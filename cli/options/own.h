@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "characterize/platform/platform.h"
 #include "characterize/profile/profile.h"
 #include "cli/options/command.h"
 
@@ -30,12 +31,16 @@ void learn(const std::vector<std::string>& files);
 /// @throws Error as own::load.
 void load(const std::vector<std::string>& files);
 /// The workloads that are known of the file.
-[[nodiscard]] std::set<std::string> known_of(const std::string& file);
+/// @param digest  Of what it held when they were; empty = any.
+[[nodiscard]] std::set<std::string> known_of(const std::string& file,
+                                             const std::string& digest = "");
 /// Warns of rows whose files are not what they were, which are doubted from then on. A file that
 /// the profile has measured nothing of is learned, and, as long as @p mix names what is not known,
-/// others, too.
-/// @param mix  As --mix; empty = there is none.
+/// others, too, where they can be loaded here.
+/// @param mix       As --mix; empty = there is none.
+/// @param platform  That the mix is for, and may model workloads; null = there is none.
+/// @throws Error{kBadInput} as learn, or if two files have one name.
 void hold_against(Profile& profile, const std::vector<std::string>& files,
-                  const std::string& mix = "");
+                  const std::string& mix = "", const Platform* platform = nullptr);
 
 }  // namespace pirt::cli

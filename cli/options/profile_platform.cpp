@@ -16,6 +16,9 @@
 #include "scheduler/services/eligibility.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/shell.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/catalog/specs.h"
+#include "workloads/own/definition.h"
 
 namespace pirt::cli {
 
@@ -42,7 +45,7 @@ ProfiledPlatform read_platform(const std::optional<std::string>& platform,
   if (!platform) read.platform = platform_of(read.profile.value(), overrides);
   read.platform = on_devices(std::move(read.platform), read.profile ? &*read.profile : nullptr);
   if (read.profile) {
-    hold_against(*read.profile, own, mix);
+    hold_against(*read.profile, own, mix, &read.platform);
   } else {
     learn(own);
   }
@@ -63,6 +66,19 @@ std::string how_to_measure(const ProfiledPlatform& read, const std::string& unit
   return measure_command(read.platform, unit, workloads, path);
 }
 
+/// Where nobody gives the times of a size, and who has the workload says that it has none.
+void refuse_other_sizes(const Mix& mix, const std::set<std::string>& served) {
+  for (const std::string& name : workloads_of(mix)) {
+    if (!is_foreign(name) || served.contains(name) || try_find_spec(name)) continue;
+    if (!try_find_spec(own::plain_name(name))) continue;
+    try {
+      static_cast<void>(find_workload(name));
+    } catch (const Error& error) {
+      throw_bad_input("mix " + mix.name + ": " + error.what());
+    }
+  }
+}
+
 }  // namespace
 
 void add_estimate_option(Command& command, bool& estimate) {
@@ -72,12 +88,14 @@ void add_estimate_option(Command& command, bool& estimate) {
 }
 
 void fill_sizes(ProfiledPlatform& read, const Mix& mix, bool estimate) {
-  if (!read.profile) return;
   std::set<std::string> served;
   for (const auto& [workload, model] : read.platform.workloads) served.insert(workload);
-  for (const std::string& workload : read.profile->workloads()) served.insert(workload);
-  std::vector<SizeGap> missing;
-  for (SizeGap& gap : size_gaps(*read.profile, workloads_of(mix))) {
+  std::vector<SizeGap> gaps, missing;
+  if (read.profile) {
+    for (const std::string& workload : read.profile->workloads()) served.insert(workload);
+    gaps = size_gaps(*read.profile, workloads_of(mix));
+  }
+  for (SizeGap& gap : gaps) {
     if (!estimate || !gap.why_not.empty()) {
       missing.push_back(std::move(gap));
       continue;
@@ -88,6 +106,7 @@ void fill_sizes(ProfiledPlatform& read, const Mix& mix, bool estimate) {
                      gap.workload, gap.unit, duration_text(*call.median),
                      duration_text(*call.ci_low), duration_text(*call.ci_high), gap.others.size()));
   }
+  refuse_other_sizes(mix, served);
   std::vector<std::string> unserved;  // Measured at once: each round of this takes minutes.
   for (const SizeGap& gap : missing) {
     const bool is_new = std::ranges::find(unserved, gap.workload) == unserved.end();

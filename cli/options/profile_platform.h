@@ -40,7 +40,7 @@ void add_estimate_option(Command& command, bool& estimate);
 /// Of workloads NAME@WIDTHxHEIGHT of the mix that the profile has no rows of on some unit, but of
 /// other sizes: says so with the command that measures them, or, with @p estimate, adds rows of a
 /// model where it can (profile/size_estimate.h) and says what they are.
-/// @throws Error{kBadInput} if no other unit serves one.
+/// @throws Error{kBadInput} if no other unit serves one, or if somebody else's has no other sizes.
 void fill_sizes(ProfiledPlatform& read, const Mix& mix, bool estimate);
 
 }  // namespace pirt::cli

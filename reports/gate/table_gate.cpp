@@ -255,12 +255,32 @@ struct Changes {
   std::vector<double> slower, faster;  ///< Beyond what each row's peaks allow.
 };
 
+/// The newest run of @p candidate after @p run_id that was to measure the cell, and has not; null
+/// if there is none.
+const RunInfo* lost_by(const Profile& candidate, const CellName& cell, std::int64_t run_id) {
+  const RunInfo* run = nullptr;
+  for (const RunInfo& each : candidate.runs) {
+    if (each.run_id <= run_id) continue;
+    if (std::ranges::find(each.planned, cell) == each.planned.end()) continue;
+    run_id = each.run_id;
+    run = &each;
+  }
+  return run;
+}
+
+/// Of a row of the candidate, which is then of another program than the one that is judged.
+template <typename Row>
+const RunInfo* lost_by(const ProfileDiff& diff, const Row& row) {
+  return lost_by(*diff.b, {row.workload, row.unit}, row.run_id);
+}
+
 /// What the machine moved by, and what families of rows moved by together.
 class Movements {
  public:
   Movements(const ProfileDiff& diff, const GateThresholds& thresholds) : diff_(diff) {
     std::map<Family, Changes> changes;
     for (const PhasePair& pair : diff.phases) {
+      if (lost_by(diff, *pair.b) != nullptr) continue;
       add_peaks(pair);
       const auto ratio = pair.ratio();
       if (!ratio || *ratio <= 0 || repeats(pair) || !complaint(diff, pair).empty()) continue;
@@ -358,16 +378,9 @@ class Movements {
   std::vector<GateRow> rows_;
 };
 
-/// Whether a run of @p candidate after @p run_id was to measure the cell and has not: the newest of
-/// them has lost it if it ended, and else did not get there.
-bool is_lost(const Profile& candidate, const CellName& cell, std::int64_t run_id, GateRow& row) {
-  const RunInfo* run = nullptr;
-  for (const RunInfo& each : candidate.runs) {
-    const bool is_planned = std::ranges::find(each.planned, cell) != each.planned.end();
-    if (!is_planned || each.run_id <= run_id) continue;
-    run_id = each.run_id;
-    run = &each;
-  }
+/// Whether @p run, which is lost_by's, has lost the row's cell if it ended, or else did not get
+/// there.
+bool is_lost(const RunInfo* run, GateRow& row) {
   if (run == nullptr) return false;
   const bool ended = !run->finished.empty();
   row.verdict = ended ? GateVerdict::kFailed : GateVerdict::kNotComparable;
@@ -387,7 +400,7 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const Movements&
   if (base.median) row.base = static_cast<double>(base.median->count());
   if (candidate.median) row.candidate = static_cast<double>(candidate.median->count());
   if (fails(base, candidate, row)) return row;
-  if (is_lost(*diff.b, {candidate.workload, candidate.unit}, candidate.run_id, row)) return row;
+  if (is_lost(lost_by(diff, candidate), row)) return row;
   if (failure_of(base).empty() && has_no_figure(base, candidate, row)) return row;
   row.reason = complaint(diff, pair);
   if (!row.reason.empty()) {
@@ -436,6 +449,16 @@ GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair, const Mo
     row.reason = fmt::format("{}, follows from the times", to_string(pair.a->provenance));
     return row;
   }
+  const RunInfo* const newer = lost_by(diff, *pair.b);
+  const bool has_times = std::ranges::any_of(diff.b->phases, [&](const PhaseRow& each) {
+    return newer != nullptr && each.run_id == newer->run_id && each.workload == pair.b->workload &&
+           each.unit == pair.b->unit;
+  });
+  if (has_times) {
+    row.reason = "the candidate's newest run has no joules of it";
+    return row;
+  }
+  if (is_lost(newer, row)) return row;
   if (has_no_figure(*pair.a, *pair.b, row)) return row;
   row.reason = identity_complaint(diff, *pair.a, *pair.b);
   if (row.reason.empty() && pair.a->provenance != pair.b->provenance) {
@@ -514,7 +537,7 @@ void add_missing(const ProfileDiff& diff, std::vector<GateRow>& rows) {
       } else if (has_cell) {
         missing.verdict = GateVerdict::kUndecided;
         missing.reason = "the candidate has no such phase";
-      } else if (!is_lost(other, {row.workload, row.unit}, 0, missing)) {
+      } else if (!is_lost(lost_by(other, {row.workload, row.unit}, 0), missing)) {
         missing.verdict = GateVerdict::kNotComparable;
         missing.reason = "the candidate has no such cell, nor planned it";
       }

@@ -16,6 +16,12 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
+/// A workload file, and an entry that may follow.
+const std::string kMean =
+    "workloads:\n  - {name: my.mean, inputs: {cloud: \"f32[1000,3]\"}, outputs: {mean: "
+    "\"f32[3]\"}, command: [cat]}\n";
+constexpr const char* kMore = "  - {name: my.more, outputs: {a: \"u8[4]\"}, command: [cat]}\n";
+
 class Own : public testing::Test {
  protected:
   [[nodiscard]] Outcome characterize(const std::string& file, const std::string& filter,
@@ -37,6 +43,45 @@ class Own : public testing::Test {
     EXPECT_THAT(measured.out, HasSubstr("unverified"));
     std::filesystem::copy_file(profile, database);
     return module;
+  }
+  [[nodiscard]] Outcome scheduled(const std::vector<std::string>& workloads,
+                                  const std::vector<std::string>& more) const {
+    std::string mix = "mix: m\npipelines:\n  a:\n    rate_hz: 1\n    tasks:\n";
+    for (const std::string& each : workloads) mix += "      - {workload: \"" + each + "\"}\n";
+    std::vector<std::string> words = {
+        "schedule", "--mode", "edf", "--duration", "1s", "--mix", scratch_.write("m.yaml", mix)};
+    words.insert(words.end(), more.begin(), more.end());
+    return pirt(words);
+  }
+  /// A profile as if my.mean of the file had been measured, and nothing else.
+  void write_profile(const std::string& file, const std::string& platform) const {
+    RunHeader header{.started = "2026-01-02T03:04:05Z",
+                     .platform = platform,
+                     .seed = 1,
+                     .environment = {{"cpu_model", "test cpu"}},
+                     .units = {{"cpu", "cpu", "test", true, {}}}};
+    for (const own::Definition& each : own::load(file)) {
+      if (each.name == "my.mean") header.environment.merge(own_facts(own::to_workload(each)));
+    }
+    ProfileWriter writer(database_);
+    const auto run = writer.begin_run(header);
+    CellRecord cell{.workload = "my.mean",
+                    .unit = "cpu",
+                    .ops = 1000,
+                    .bytes = 1000,
+                    .verification = "equal",
+                    .phases = {},
+                    .energy = {}};
+    for (const Phase phase : {Phase::kExecute, Phase::kCall}) {
+      cell.phases.push_back({.phase = phase,
+                             .state = State::kSteady,
+                             .provenance = Provenance::kMeasured,
+                             .reasons = {},
+                             .notes = {},
+                             .samples = std::vector<Nanos>(20, from_ms(1))});
+    }
+    writer.write_cell(run, cell);
+    writer.finish_run(run, "2026-01-02T03:05:05Z");
   }
   const Scratch scratch_;
   const std::string database_ = scratch_.file("p.db");
@@ -156,7 +201,8 @@ TEST_F(Own, AReportSaysWhatIsNotAsItWasMeasured) {
   EXPECT_THAT(report("compare", other).err,
               AllOf(HasSubstr("other.so is not what was measured"), HasSubstr("mine.sobel")));
   EXPECT_THAT(report("profile", kHostileModule).err,
-              AllOf(HasSubstr("has no rows of bad."), HasSubstr("--workloads"), HasSubstr("--db")));
+              AllOf(HasSubstr("has no rows of bad."), HasSubstr("--platform host --workloads"),
+                    HasSubstr("--db")));
   expect_refused(report("compare", scratch_.file("absent.so")), {"absent.so"});
   // Beside a mix it is taken by itself.
   scratch_.write("pirt.workloads", "workloads:\n  - {module: other.so}\n");
@@ -347,42 +393,73 @@ TEST_F(Own, ALedgerIsAlsoOfTheFilesThatAWorkloadFileNames) {
 // Of a file that was measured in part; what it has besides is known of no run.
 TEST_F(Own, WhatAProfileDoesNotHaveIsAskedOfTheFile) {
   const std::string file = std::string(kSourceFolder) + "/tests/examples/workloads/own.yaml";
-  RunHeader header{.started = "2026-01-02T03:04:05Z",
-                   .platform = "host-cpu",
-                   .seed = 1,
-                   .environment = {{"cpu_model", "test cpu"}},
-                   .units = {{"cpu", "cpu", "test", true, {}}}};
-  for (const own::Definition& each : own::load(file)) {
-    if (each.name == "my.mean") header.environment.merge(own_facts(own::to_workload(each)));
+  write_profile(file, "host-cpu");
+  expect_refused(
+      scheduled({"my.mean", "my.threshold"}, {"--profile", database_, "--workloads", file}),
+      {"--workloads " + file, "--filter '^(my.threshold)$'"});
+}
+
+TEST_F(Own, WhatABoardModelsIsAskedOfNoFile) {
+  const std::string file = scratch_.write("own.yaml", kMean);
+  write_profile(file, "board");
+  const std::string board =
+      scratch_.write("board.yaml",
+                     "platform: board\nunits:\n  cpu: {backend: cpu, cores: all, slots: 1, "
+                     "active_w: 1}\nworkloads: {lidar.seg: {cpu: 5}}\n");
+  scratch_.write("own.yaml", kMean + "  - {name: nodot, command: [cat]}\n");
+  std::vector<std::string> words = {"--platform", board,         "--profile",
+                                    database_,    "--workloads", file};
+  const auto modelled = scheduled({"my.mean", "lidar.seg"}, words);
+  EXPECT_EQ(modelled.exit_code, 0) << modelled.err;
+  EXPECT_THAT(modelled.err,
+              AllOf(HasSubstr("is not what was measured"), Not(HasSubstr("own.yaml:3"))));
+  // A file that cannot be loaded here leaves others to be asked.
+  const std::string more = scratch_.write("more.yaml", std::string("workloads:\n") + kMore);
+  words.insert(words.end(), {"--workloads", more});
+  const auto asked = scheduled({"my.mean", "my.more"}, words);
+  EXPECT_EQ(asked.exit_code, 2);
+  EXPECT_THAT(asked.err,
+              AllOf(HasSubstr("own.yaml:3"), HasSubstr("--workloads " + more + " --filter")));
+}
+
+TEST_F(Own, FilesWithOneNameAreRefusedBesideAProfile) {
+  const std::string first = scratch_.write("a.yaml", kMean);
+  const std::string second = scratch_.write("b.yaml", kMean + kMore);
+  write_profile(first, "host-cpu");
+  const auto with = [&](const std::string& one, const std::string& other) {
+    return scheduled({"my.mean"},
+                     {"--profile", database_, "--workloads", one, "--workloads", other});
+  };
+  expect_refused(with(first, second), {"my.mean is in " + first + " and in " + second});
+  EXPECT_THAT(with(second, first).err,
+              HasSubstr("my.mean is in " + second + " and in " + first + "; rename one"));
+  // What was measured of the first is in the other one by now.
+  scratch_.write("a.yaml", std::string("workloads:\n") + kMore);
+  scratch_.write("b.yaml", kMean);
+  const auto moved = with(first, second);
+  EXPECT_EQ(moved.exit_code, 0) << moved.err;
+}
+
+// The file that has it says nothing of sizes.
+TEST_F(Own, TimesOfASizeMayBeImportedOrModelled) {
+  const std::string file = scratch_.write("own.yaml", kMean);
+  const std::string table =
+      scratch_.write("t.csv", "workload,unit,ms,size\nmy.mean,gpu,9.5,1280x720\n");
+  const auto imported = pirt({"import", table, "--db", database_});
+  ASSERT_EQ(imported.exit_code, 0) << imported.err;
+  const std::string board =
+      scratch_.write("board.yaml",
+                     "platform: board\nunits: {npu: {role: dsp, active_w: 1}}\n"
+                     "workloads: {my.mean@1280x720: {npu: 5}}\n");
+  for (const auto& words :
+       std::vector<std::vector<std::string>>{{"--profile", database_, "--workloads", file},
+                                             {"--platform", board, "--workloads", file}}) {
+    SCOPED_TRACE(words.front());
+    const auto sized = scheduled({"my.mean@1280x720"}, words);
+    EXPECT_EQ(sized.exit_code, 0) << sized.err;
+    expect_refused(scheduled({"my.mean@640x480"}, words),
+                   {"mix m: ", "'my.mean' has no other sizes"});
   }
-  {
-    ProfileWriter writer(database_);
-    const auto run = writer.begin_run(header);
-    CellRecord cell{.workload = "my.mean",
-                    .unit = "cpu",
-                    .ops = 1000,
-                    .bytes = 1000,
-                    .verification = "equal",
-                    .phases = {},
-                    .energy = {}};
-    for (const Phase phase : {Phase::kExecute, Phase::kCall}) {
-      cell.phases.push_back({.phase = phase,
-                             .state = State::kSteady,
-                             .provenance = Provenance::kMeasured,
-                             .reasons = {},
-                             .notes = {},
-                             .samples = std::vector<Nanos>(20, from_ms(1))});
-    }
-    writer.write_cell(run, cell);
-    writer.finish_run(run, "2026-01-02T03:05:05Z");
-  }
-  const std::string mix =
-      scratch_.write("m.yaml",
-                     "mix: m\npipelines:\n  a: {rate_hz: 1, tasks: [{workload: my.mean}, "
-                     "{workload: my.threshold}]}\n");
-  expect_refused(pirt({"schedule", "--mode", "edf", "--workloads", file, "--mix", mix, "--profile",
-                       database_}),
-                 {"--workloads " + file, "--filter '^(my.threshold)$'"});
 }
 
 TEST_F(Own, FilesThatAreNoneAreNamed) {

@@ -74,6 +74,17 @@ inline Profile profile_of(std::vector<PhaseRow> rows) {
   return profile;
 }
 
+inline EnergyRow metered(double joules, double width) {
+  EnergyRow energy;
+  energy.workload = "sobel";
+  energy.unit = "cpu";
+  energy.energy_j = joules;
+  energy.provenance = Provenance::kMeasured;
+  energy.ci_low_j = joules * (1 - width);
+  energy.ci_high_j = joules * (1 + width);
+  return energy;
+}
+
 inline GateResult judge_both(const Profile& base, const Profile& candidate) {
   return judge(diff_profiles(base, candidate));
 }

@@ -227,6 +227,38 @@ TEST(TableGate, FailsForACellThatTheCandidatesPlanHasAndItHasNot) {
   EXPECT_EQ(judge_both(base, without).rows.back().verdict, GateVerdict::kUndecided);
 }
 
+// The rows that the file has of them are another program's, which would hide what this one did.
+TEST(TableGate, WhatARunThatBrokeOffDidNotReachIsNotWeighed) {
+  Profile base = profile_of({}), candidate = profile_of({});
+  RunInfo older = candidate.runs[0], broken = older;
+  older.run_id = 1;
+  older.finished = "2026-01-01T00:01:00Z";
+  broken.run_id = 2;
+  for (int i = 0; i < 15; ++i) {
+    const bool reached = i < 7;
+    PhaseRow row = with_interval(10, 0.01);
+    row.workload = "w" + std::to_string(i);
+    broken.planned.push_back({row.workload, row.unit});
+    base.phases.push_back(row);
+    if (reached) row = with_interval(11.5, 0.01);
+    row.workload = broken.planned.back().workload;
+    row.run_id = reached ? 2 : 1;
+    candidate.phases.push_back(row);
+    for (Profile* profile : {&base, &candidate}) {
+      profile->energies.push_back(metered(profile == &base ? 1 : 1.2, 0.01));
+      profile->energies.back().workload = row.workload;
+    }
+    candidate.energies.back().run_id = 1;
+  }
+  candidate.runs = {broken, older};
+  const auto result = judge_both(base, candidate);
+  EXPECT_EQ(std::ranges::count(result.rows, "all", &GateRow::workload), 1);
+  EXPECT_EQ(result.count(GateVerdict::kInconclusive), 1) << "all that it measured moved together";
+  EXPECT_EQ(result.count(GateVerdict::kSlower), 0);
+  EXPECT_EQ(result.count(GateVerdict::kNotComparable), 2 * 8) << "times and joules";
+  EXPECT_EQ(result.count(GateVerdict::kNotJudged), 7) << "joules of the older run";
+}
+
 TEST(TableGate, DoesNotJudgeWhatHasNoIntervalAndBlocksNothing) {
   Machine machine(0.005, 0.01, 1);
   const auto setup = [&](double ms, int processes) {
@@ -249,17 +281,6 @@ TEST(TableGate, DoesNotJudgeWhatHasNoIntervalAndBlocksNothing) {
   EXPECT_EQ(judge_both(setup(10, 5), setup(11.5, 5)).rows[0].verdict, GateVerdict::kUndecided);
   EXPECT_EQ(judge_both(setup(0.1, 5), setup(0.3, 5)).rows[0].verdict, GateVerdict::kSame)
       << "a fifth of a millisecond, once a process";
-}
-
-EnergyRow metered(double joules, double width) {
-  EnergyRow energy;
-  energy.workload = "sobel";
-  energy.unit = "cpu";
-  energy.energy_j = joules;
-  energy.provenance = Provenance::kMeasured;
-  energy.ci_low_j = joules * (1 - width);
-  energy.ci_high_j = joules * (1 + width);
-  return energy;
 }
 
 TEST(TableGate, JudgesEnergyWhereItHasAnInterval) {

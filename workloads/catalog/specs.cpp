@@ -8,7 +8,6 @@
 #include "workloads/mapping/specs.h"
 #include "workloads/model/host_function.h"
 #include "workloads/model/own_operation.h"
-#include "workloads/own/definition.h"
 #include "workloads/planning/specs.h"
 #include "workloads/recognition/specs.h"
 #include "workloads/slam/workload/specs.h"
@@ -74,8 +73,7 @@ WorkloadSpec find_spec(const std::string& name) {
   static const std::vector<TensorSpec> no_tensors;
   static const std::optional<StateSpec> no_state;
   if (const Workload* const known = all_specs().try_find(name)) return spec_of(*known);
-  // A size that a known one does not have is nobody else's.
-  if (is_foreign(name) && all_specs().try_find(own::plain_name(name)) == nullptr) {
+  if (is_foreign(name)) {
     return {.name = name,
             .inputs = no_tensors,
             .outputs = no_tensors,

@@ -43,8 +43,8 @@ struct WorkloadSpec {
 [[nodiscard]] bool is_foreign(std::string_view name);
 /// The file that somebody else's workloads come from, for `--workloads`, each once.
 [[nodiscard]] std::vector<std::string> files_of(const std::vector<std::string>& names);
-/// As try_find_spec, or that of a foreign workload of which nothing is known, which has neither
-/// inputs nor outputs.
+/// As try_find_spec, or that of a foreign workload of which nothing is known, nor of this size of
+/// it, which has neither inputs nor outputs.
 /// @throws Error{kBadInput} with the nearest names, or that there are no other sizes.
 [[nodiscard]] WorkloadSpec find_spec(const std::string& name);
 WorkloadSpec find_spec(std::string&& name) = delete;

@@ -28,6 +28,7 @@
 #include "reports/run/timeline.h"
 #include "scheduler/policies/policy.h"
 #include "scheduler/schedule.h"
+#include "scheduler/services/eligibility.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/shell.h"
@@ -106,19 +107,18 @@ Files sort_files(const std::vector<std::string>& files) {
 }
 
 /// What the files have and what was measured of them have to agree.
-Profile held_against(const OwnFiles& own, const std::string& mix, Profile profile) {
-  const auto files = own.all(mix);
+Profile held_against(const ReportFlags& options, Profile profile) {
+  Platform platform;  // As it is called: one that a file describes need not be here.
+  platform.name = options.platform.value_or(profile.platform());
+  const auto files = options.own.all(options.mix);
   hold_against(profile, files);
   for (const std::string& file : files) {
     auto missing = known_of(file);
     for (const std::string& row : profile.workloads()) missing.erase(own::plain_name(row));
     if (missing.empty()) continue;
     const std::vector names(missing.begin(), missing.end());
-    warn(
-        fmt::format("{} has no rows of {}, which {} has; measure them: pirt characterize "
-                    "--workloads {} --filter '^({})$' --db {}",
-                    profile.path, join(names, ", "), file, path_in_shell(file), join(names, "|"),
-                    path_in_shell(profile.path)));
+    warn(fmt::format("{} has no rows of {}, which {} has; measure them: {}", profile.path,
+                     join(names, ", "), file, measure_command(platform, "", names, profile.path)));
   }
   return profile;
 }
@@ -129,7 +129,7 @@ Profile open_profile(const ReportFlags& options, const std::string& file, bool s
       options.platform ? reader.read(load_platform(*options.platform).name) : reader.read();
   profile.path = file;
   if (samples) reader.read_samples(profile);
-  return held_against(options.own, options.mix, std::move(profile));
+  return held_against(options, std::move(profile));
 }
 
 /// For the boards beside the machine, each of its newest run: --platform and --set are the

@@ -4,7 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/mman.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <thread>
@@ -12,6 +14,7 @@
 
 #include "characterize/machine/system_files.h"
 #include "tests/characterize/support.h"
+#include "workloads/base/system/file_descriptor.h"
 
 namespace pirt {
 namespace {
@@ -149,6 +152,24 @@ TEST(Process, SaysWhatItsPeakMayBeThatOfThisProcess) {
   const auto small = run_process(shell("true"));
   EXPECT_GE(small.inherited_bytes, std::ssize(held));
   EXPECT_LE(10 * small.peak_bytes, 11 * small.inherited_bytes);
+}
+
+// fork does not copy the pages of a file that nobody wrote, as a program's code and libraries.
+TEST(Process, DoesNotTakeWhatThisProcessReadOfFilesForItsPeak) {
+  constexpr std::size_t kBytes = 64U << 20, kPage = 4096;
+  const auto before = run_process(shell("true"));
+  const FileDescriptor file(::memfd_create("pirt-test", MFD_CLOEXEC));
+  ASSERT_EQ(::ftruncate(file.get(), kBytes), 0);
+  void* const mapped = ::mmap(nullptr, kBytes, PROT_READ, MAP_PRIVATE, file.get(), 0);
+  ASSERT_NE(mapped, MAP_FAILED);
+  const auto* const bytes = static_cast<const volatile char*>(mapped);
+  for (std::size_t at = 0; at < kBytes; at += kPage) static_cast<void>(bytes[at]);
+  ASSERT_GT(number_of("/proc/self/status", "VmRSS", ':').value() * 1024, std::int64_t{kBytes});
+  const auto after = run_process(shell("true"));
+  EXPECT_GT(after.inherited_bytes, 0);
+  EXPECT_LT(after.inherited_bytes - before.inherited_bytes, std::int64_t{kBytes / 2});
+  EXPECT_LT(after.peak_bytes - before.peak_bytes, std::int64_t{kBytes / 2});
+  ::munmap(mapped, kBytes);
 }
 
 TEST(Process, StopsWhenAsked) {

@@ -136,6 +136,51 @@ TEST(Stamps, OfSamplesThatCameInBurstsAreMadeEven) {
   }
 }
 
+TEST(Stamps, OfBurstsOfAnySizeAreMadeEven) {
+  constexpr int kSamples = 4000;  // whole bursts; what is behind them must not matter
+  for (const int burst : {5, 10, 16, 20}) {
+    for (const int more : {0, 5}) {
+      std::vector<ImuSample> imu;
+      for (int i = 0; i < kSamples + more; ++i) {
+        imu.push_back({.time = from_ms(burst * (1 + i / burst) + 0.004 * (i % burst))});
+      }
+      std::vector<std::string> warnings;
+      spread_bursts(imu, "/imu", warnings);
+      EXPECT_EQ(warnings.size(), 1U) << burst;
+      EXPECT_NEAR(usual_rate_hz(stamps_of(imu), 1), 1000, 40) << burst << ", " << more;
+      imu.resize(kSamples);
+      for (std::size_t i = 1; i < imu.size(); ++i) {
+        ASSERT_NEAR(to_ms(imu[i].time - imu[i - 1].time), 1, 0.04) << burst << ", " << i;
+      }
+    }
+  }
+}
+
+TEST(Stamps, OfABurstMayBeOne) {
+  const auto read = [](double figure) {
+    std::string text;
+    for (int i = 0; i < 400; ++i) {
+      const double turns = figure * i;
+      text += fmt::format("{},{},{},{},{},{},{}\n", 20'000'000 * (1 + i / 4), turns, 2 * turns,
+                          3 * turns, turns, turns, 9 + turns);
+    }
+    const test::ScratchFolder folder;
+    put(folder.path() / "data.csv", text);
+    std::vector<std::string> warnings;
+    return read_imu_csv(folder.path() / "data.csv", warnings);
+  };
+  auto imu = read(1e-3);
+  ASSERT_EQ(imu.size(), 400U);
+  std::vector<std::string> warnings;
+  spread_bursts(imu, "/imu", warnings);
+  EXPECT_EQ(warnings.size(), 1U);
+  for (std::size_t i = 1; i < imu.size(); ++i) {
+    ASSERT_NEAR(to_ms(imu[i].time - imu[i - 1].time), 5, 0.2) << i;
+  }
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read(0)); }), HasSubstr("300 of 400 stamps"))
+      << "each recorded four times";
+}
+
 TEST(Stamps, ArePairedByTimeAndNotByPosition) {
   std::vector<std::string> warnings;
   const auto pair = [&](const std::vector<double>& left, const std::vector<double>& right) {

@@ -118,11 +118,6 @@ class CloudKernel : public Kernel {
   [[nodiscard]] std::string outputs_at() const {
     return blob_at("out", fmt::format("{}-{}", task_.task.hex(), last_.send));
   }
-  /// Nothing that is still to be sent helps.
-  [[nodiscard]] bool is_over() {
-    return link_.wait(Nanos::zero(), [this] { return unwanted_ || (progress_ && progress_->end); });
-  }
-
   /// What is larger than a message first: who finds the task finds all of it.
   void submit() {
     remove_blobs();
@@ -136,12 +131,12 @@ class CloudKernel : public Kernel {
     // What a worker answers lies on the stream when what was asked does no more.
     std::string problem = link_.why_too_large(workload_.name, weights + std::max(in, out));
     const std::uint64_t room = in + out + (missed_ > 0 ? weights : 0);
-    missed_ = 0;
     const auto has_room = [&] { return unwanted_ || link_.take_room(room, room_); };
-    while (problem.empty() && !link_.wait(kLook, has_room)) {
-      if (!link_.wait_until_up(patience_)) problem = link_.why_down();
+    for (bool up = true; problem.empty() && !link_.wait(up ? kLook : patience_, has_room);) {
+      if (!std::exchange(up, link_.is_up()) && !up) problem = link_.why_down();
     }
     if (!problem.empty()) throw_environment(problem);
+    if (!unwanted_) missed_ = 0;
     if (parameters) parameters->chunk_bytes = chunk;
     task_.inputs =
         in == 0 ? Payload{sent_, {}} : Payload{{}, Blob{digest_of(sent_), sent_.size(), chunk}};
@@ -154,8 +149,10 @@ class CloudKernel : public Kernel {
   void put_inputs() { put(inputs_at(), *task_.inputs.blob, sent_); }
   void put(const std::string& at, const Blob& blob, ByteView bytes) {
     const Nanos begin = clock_.now();
-    const std::string problem = put_blob(
-        link_.connection(), at, blob, bytes, [this] { return is_over(); }, patience_);
+    const auto has_ended = [this] { return unwanted_ || (progress_ && progress_->end); };
+    // Then nothing that is still to be sent helps.
+    const auto is_over = [&] { return link_.wait(Nanos::zero(), has_ended); };
+    const std::string problem = put_blob(link_.connection(), at, blob, bytes, is_over, patience_);
     if (is_over() && !unwanted_) return;  // Another worker has answered meanwhile.
     if (!problem.empty()) {
       link_.look_for_stream();

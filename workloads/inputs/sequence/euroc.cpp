@@ -333,6 +333,7 @@ std::vector<ImuSample> read_imu_csv(const fs::path& file, std::vector<std::strin
     }
     imu.push_back(sample);
   }
+  part_equal_stamps(imu);
   keep_rising(imu, "'" + file.string() + "'", warnings);
   check_imu("'" + file.string() + "'", imu, warnings);
   return imu;

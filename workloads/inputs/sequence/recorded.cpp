@@ -216,6 +216,7 @@ class Reader {
       return;
     }
     for (ImuTopic& each : imus_) {
+      part_equal_stamps(each.samples);
       order(each.samples, each.topic);
       spread_bursts(each.samples, topic(each.topic).name, sequence_.warnings);
     }

@@ -3,23 +3,41 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <numeric>
 
 #include "workloads/base/error.h"
 #include "workloads/inputs/recording/restarts.h"
 
 namespace pirt {
+namespace {
+
+/// The median step between two stamps, over several of those at @p ends at once.
+Nanos usual_step(const std::vector<Nanos>& stamps, const std::vector<std::size_t>& ends) {
+  // Of few most have to be without a pause.
+  const std::size_t count = std::clamp<std::size_t>(ends.size() / 8, 1, 24);
+  std::vector<Nanos> steps;
+  for (std::size_t i = count; i < ends.size(); ++i) {
+    const std::size_t from = ends[i - count], to = ends[i];
+    steps.push_back((stamps[to] - stamps[from]) / static_cast<std::int64_t>(to - from));
+  }
+  if (steps.empty()) return Nanos::zero();
+  const auto middle = steps.begin() + std::ssize(steps) / 2;
+  std::ranges::nth_element(steps, middle);
+  return *middle;
+}
+
+/// Whether samples come in bursts, of which so many follow another at once: of pairs half do.
+bool are_bursts(std::size_t following, std::size_t all) {
+  return following >= 2 && 4 * following > all;
+}
+
+}  // namespace
 
 Nanos usual_step(const std::vector<Nanos>& stamps) {
-  // Bursts of 2, 3, 4, 6 or 8 are even over so many; of few stamps most have to be without a pause.
-  const std::size_t count = std::clamp<std::size_t>(stamps.size() / 8, 1, 24);
-  std::vector<Nanos> lasting;
-  for (std::size_t i = count; i < stamps.size(); ++i) {
-    lasting.push_back(stamps[i] - stamps[i - count]);
-  }
-  if (lasting.empty()) return Nanos::zero();
-  const auto middle = lasting.begin() + std::ssize(lasting) / 2;
-  std::ranges::nth_element(lasting, middle);
-  return *middle / static_cast<std::int64_t>(count);
+  // Bursts of 2, 3, 4, 6 or 8 are even over 24.
+  std::vector<std::size_t> all(stamps.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  return usual_step(stamps, all);
 }
 
 double usual_rate_hz(const std::vector<Nanos>& stamps, double otherwise) {
@@ -27,21 +45,41 @@ double usual_rate_hz(const std::vector<Nanos>& stamps, double otherwise) {
   return step > Nanos::zero() ? 1 / to_s(step) : otherwise;
 }
 
+void part_equal_stamps(std::vector<ImuSample>& imu) {
+  std::vector<Nanos> later(imu.size());
+  std::size_t count = 0;
+  for (std::size_t i = 1; i < imu.size(); ++i) {
+    const ImuSample &before = imu[i - 1], &sample = imu[i];
+    if (sample.time <= Nanos::zero() || sample.time != before.time) continue;
+    const auto differ = [](const auto& a, const auto& b) {  // A half may be no number.
+      return a.allFinite() && b.allFinite() && a != b;
+    };
+    const bool is_another = differ(sample.gyro_rad_s, before.gyro_rad_s) ||
+                            differ(sample.accel_m_s2, before.accel_m_s2);
+    later[i] = later[i - 1] + Nanos(is_another ? 1 : 0);
+    count += is_another ? 1U : 0U;
+  }
+  if (!are_bursts(count, imu.size())) return;
+  for (std::size_t i = 0; i < imu.size(); ++i) imu[i].time += later[i];
+}
+
 void spread_bursts(std::vector<ImuSample>& imu, const std::string& what,
                    std::vector<std::string>& warnings) {
-  const Nanos usual = usual_step(stamps_of(imu)), close = usual / 5;
-  const auto follows = [&](std::size_t i) { return imu[i].time - imu[i - 1].time < close; };
-  std::size_t count = 0;
-  for (std::size_t i = 1; i < imu.size(); ++i) count += follows(i) ? 1U : 0U;
-  if (count < 2 || 4 * count <= imu.size()) return;  // of pairs half do
-  for (std::size_t begin = 1, end = 1; begin < imu.size(); begin = end) {
-    ++end;
-    while (end < imu.size() && follows(end)) ++end;
-    const Nanos last = imu[end - 1].time;
-    const auto size = static_cast<std::int64_t>(end - begin);
-    const Nanos step = std::min(usual, (last - imu[begin - 1].time) / size);
-    for (std::size_t i = begin; i < end; ++i) {
-      imu[i].time = last - step * static_cast<std::int64_t>(end - 1 - i);
+  const auto stamps = stamps_of(imu);
+  const Nanos close = usual_step(stamps) / 5;
+  std::vector<std::size_t> ends;  // of bursts
+  for (std::size_t i = 0; i < stamps.size(); ++i) {
+    if (i + 1 == stamps.size() || stamps[i + 1] - stamps[i] >= close) ends.push_back(i);
+  }
+  if (!are_bursts(stamps.size() - ends.size(), stamps.size())) return;
+  const Nanos usual = usual_step(stamps, ends);  // of bursts of any size
+  std::size_t begin = 0;
+  for (const std::size_t last : ends) {
+    const auto size = static_cast<std::int64_t>(last + 1 - begin);
+    const Nanos before = begin == 0 ? Nanos::zero() : stamps[begin - 1];
+    const Nanos step = std::min(usual, (stamps[last] - before) / size);
+    for (; begin <= last; ++begin) {
+      imu[begin].time = stamps[last] - step * static_cast<std::int64_t>(last - begin);
     }
   }
   warnings.push_back(what + ": samples come in bursts, and are taken to be measured evenly");

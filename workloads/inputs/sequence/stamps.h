@@ -22,6 +22,9 @@ inline constexpr Nanos kLongestPrediction = std::chrono::seconds(30);
 [[nodiscard]] Nanos usual_step(const std::vector<Nanos>& stamps);
 /// That of the usual step, which a pause does not change. @param otherwise  For less than two.
 [[nodiscard]] double usual_rate_hz(const std::vector<Nanos>& stamps, double otherwise);
+/// Where samples of a burst have one stamp, each is put 1 ns after the one before it, so that it is
+/// a burst as others are. What was recorded twice has the same figures, and stays as it is.
+void part_equal_stamps(std::vector<ImuSample>& imu);
 /// Where samples were stamped when they arrived, several at once: the last of each burst was new
 /// then, and those before it are a usual step apart. Others stay as they are.
 /// @param imu  Stamps rise.
