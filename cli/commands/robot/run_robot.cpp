@@ -234,7 +234,7 @@ int run_robot(const RunRobotFlags& options) {
     warn_all(bad_pictures->warnings());
     if (bad_pictures->are_too_many()) {
       warn(fmt::format("more than {:.0f} % of the pictures cannot be read: the run ends there",
-                       100 * BadPictures::kMostPart));
+                       100 * kMostBadPart));
     }
   };
   if (options.comparing) {

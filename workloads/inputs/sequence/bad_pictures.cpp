@@ -30,7 +30,7 @@ void BadPictures::look_at(std::size_t frame, const GreyImage& picture) {
 }
 
 std::size_t BadPictures::most() const {
-  return static_cast<std::size_t>(kMostPart * static_cast<double>(pictures_));
+  return static_cast<std::size_t>(kMostBadPart * static_cast<double>(pictures_));
 }
 
 bool BadPictures::are_too_many() const {
@@ -56,7 +56,7 @@ std::vector<std::string> BadPictures::warnings() const {
     const auto before = it->first == 0 ? hashes_.end() : hashes_.find(it->first - 1);
     same += before != hashes_.end() && before->second == it->second ? 1U : 0U;
   }
-  if (static_cast<double>(same) > kMostPart * static_cast<double>(frames_)) {
+  if (static_cast<double>(same) > kMostBadPart * static_cast<double>(frames_)) {
     warnings.push_back(
         fmt::format("{} of {} pictures are the same, byte for byte, as the one before: has the "
                     "camera hung?",

@@ -17,8 +17,6 @@ namespace pirt {
 /// Any thread may call it.
 class BadPictures {
  public:
-  static constexpr double kMostPart = kMostBadPart;
-
   explicit BadPictures(const Sequence& sequence);
 
   void add(std::size_t frame, std::size_t camera, const std::string& problem);
